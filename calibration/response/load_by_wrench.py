@@ -80,7 +80,7 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
     told = wrench[known] / [1, 1, 1, *[radius] * 3]
     fold = np.arange(len(felt)) * FOLDS * 4 // len(felt) % FOLDS
     parts = [_sums(felt[fold == k], told[fold == k], sums) for k in range(FOLDS)]
-    square, toward = (sum(each) for each in zip(*(part[:2] for part in parts), strict=True))
+    square, toward = np.sum([part[0] for part in parts], 0), np.sum([part[1] for part in parts], 0)
     power, rows = float(sum(part[2] for part in parts)), len(felt)
     common = float(toward.sum() / square.sum())
     if common < 0:  # the sensor feels the reaction
@@ -88,11 +88,10 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
         parts = [(own, -to, size) for own, to, size in parts]
     tried = {}
     for held in HELD:
-        left = 0.0
+        tried[held] = 0.0
         for own, to, part_power in parts:
             gains = _gains(square - own, toward - to, common, held)
-            left += part_power - 2 * gains @ to + gains @ own @ gains
-        tried[held] = left
+            tried[held] += float(part_power - 2 * gains @ to + gains @ own @ gains)
     held = min(tried, key=tried.__getitem__)
     left = max(tried[held], 0.0)
     if left > 0.2 * power:
@@ -108,21 +107,21 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
     pressed = felt > PRESSED * np.abs(span[touched])
     level = np.sqrt((felt**2 * pressed).sum(axis=0) / np.maximum(pressed.sum(axis=0), 1))
     away_share = np.hypot(spread, gains * np.sqrt(left / power))
-    error = np.full(n, np.nan)
-    error[touched] = np.hypot(away_share * level, COUNT_NOISE * gains)
+    own_error = np.full(n, np.nan)
+    own_error[touched] = np.hypot(away_share * level, COUNT_NOISE * gains)
     weights = np.full((n, FEATURES), np.nan)
     top = np.full(n, float((gains * np.abs(span[touched])).max()))
     weights[touched] = 0.0
     weights[touched, 1] = gains * np.abs(span[touched])
     top[touched] = np.maximum(weights[touched, 1], 1e-3)
     calibration = LoadCalibration(
-        weights, rest, span, np.zeros(n), top, error,
+        weights, rest, span, np.zeros(n), top, own_error,
         doubt=REST_DOUBT * float(np.median(gains)), rate=one.rate, model="linear",
         shift=np.zeros(n), zeroed=when, fingerprint=fingerprint,
     )  # fmt: skip
     dead = np.ptp(ends, axis=0) < 1
     return LoadFit(
-        calibration, [lines], {"linear": float(np.median(error[touched]))},
+        calibration, [lines], {"linear": float(np.median(own_error[touched]))},
         np.flatnonzero(dead).tolist(), np.flatnonzero(~touched & ~dead).tolist(),
         int((spread > 0.5 * gains).sum()),
     )  # fmt: skip
@@ -132,7 +131,11 @@ def _sums(
     felt: FloatArray, told: FloatArray, sums: FloatArray
 ) -> tuple[FloatArray, FloatArray, float]:
     """Squares (n, n) and products (n,) of the gains' equations, and the wrench's own square."""
-    return (felt.T @ felt) * (sums @ sums.T), ((felt.T @ told) * sums).sum(axis=1), (told**2).sum()
+    return (
+        (felt.T @ felt) * (sums @ sums.T),
+        ((felt.T @ told) * sums).sum(axis=1),
+        float((told**2).sum()),
+    )
 
 
 def _gains(square: FloatArray, toward: FloatArray, common: float, held: float) -> FloatArray:

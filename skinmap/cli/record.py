@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from skinmap.commands.options import (
+    calibration_option,
     open_stream,
     out_file,
     part_option,
@@ -86,6 +87,7 @@ class RecordResult:
     default="",
     help="Name of the person who touches, for --leave-out of `evaluate`.",
 )
+@calibration_option
 @speed_option("recorded or simulated")
 @seed_option
 @retired(
@@ -106,6 +108,7 @@ def command(
     model: Path | None,
     session: str,
     person: str,
+    calibrations: tuple[str, ...],
     speed: float,
     seed: int,
     as_json: bool,
@@ -116,6 +119,7 @@ def command(
     if the process is killed; a full disk ends the recording, and the written part stays readable.
     Of a source of raw values, --label and --model record the pressures too. Touches are marked when
     they end, grouped as `classify` groups them: a hand is one touch, whatever contacts it makes.
+    With --calibration the file holds the wrench of each touch [N, N m] and its covariance.
 
     \b
     Example:  skinmap record lsl:demo -o touch.mcap --seconds 60
@@ -126,9 +130,11 @@ def command(
     from skinmap.live.loop import TouchLoop
     from skinmap.live.recording.recorder import Recorder, continued
     from skinmap.live.recording.recording_tap import RecordingTap
+    from skinmap.live.response.loads import load_calibrations
     from skinmap.live.sources.source import Seekable, blocks
     from skinmap.recognition.given_name import GivenName
     from skinmap.recognition.model_file import load_classifier
+    from skinmap.touch.prepared_skin import PreparedSkin
     from skinmap.touch.touch_labels import check_label
 
     if label is not None and model is not None:
@@ -136,12 +142,16 @@ def command(
     if output.suffix.lower() != ".mcap":
         raise UnknownNameError("format to record in for files ending in", output.suffix, [".mcap"])
     _check_output(output, source)
+    if calibrations and label is None and model is None:
+        raise click.UsageError("--calibration weighs the touches of --label or --model; give one")
     classifier = None if model is None else load_classifier(model)
     if label is not None:
         classifier = GivenName(check_label(label))
     session, person = (check_label(word) if word else "" for word in (session, person))
     loaded, origin = open_stream(source, robot, parts, seed=seed, speed=speed)
     named = classifier is not None
+    skins = {part: PreparedSkin(loaded.skin(part)) for part in origin.info.parts if calibrations}
+    loads = load_calibrations(calibrations, skins)
     shown = _Shown(output, sys.stderr, named=named)
     try:
         for path in continued(output):
@@ -161,8 +171,9 @@ def command(
                 if named:
                     # Whatever the machine has to do: the same marks for the same samples.
                     loop = TouchLoop(
-                        loaded, recorded, classifier=classifier, live=False, singly=True
-                    )
+                        loaded, recorded, classifier=classifier, live=False, singly=True,
+                        calibrations=loads,
+                    )  # fmt: skip
                     _follow(loop, recorder, shown)
                 else:
                     for block in blocks(recorded):
@@ -246,6 +257,7 @@ class _Shown:
 
 def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
     """Record samples, pressures and, once each is over, touches with their names."""
+    from skinmap.live.publishing.ros2_topics import touch_markers
     from skinmap.live.sources.source import SourceEnded
 
     try:
@@ -255,7 +267,7 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
                 continue
             if loop.info.kind == "raw":
                 recorder.put(_pressure_block(moment, loop.info.parts), "pressure")
-            recorder.show_touches(moment.time, _markers(loop, moment))
+            recorder.show_touches(moment.time, touch_markers(loop.robot, moment))
             if moment.touches:
                 recorder.put_motion(moment.time, _motions(loop, moment))
             shown.add(1)
@@ -286,15 +298,6 @@ def _motions(loop: TouchLoop, moment: Moment) -> list[dict[str, Any]]:
         }
         for one in moment.touches
         if one.motion is not None
-    ]
-
-
-def _markers(loop: TouchLoop, moment: Any) -> list[Any]:
-    from skinmap.io.ros2.messages import TouchMarker
-
-    return [
-        TouchMarker(touch.identity, loop.robot.part(touch.part).link, touch.centre, touch.label)
-        for touch in moment.touches
     ]
 
 

@@ -165,3 +165,36 @@ def test_contacts_that_cannot_be_written_are_refused(words, answer) -> None:
     done = CliRunner().invoke(cli, ["export", *words])
     assert done.exit_code == 2
     assert answer in done.output
+
+
+def test_recordings_keep_wrenches_with_covariance(folder: Path, tmp_path: Path) -> None:
+    from mcap.reader import make_reader
+    from rosbags.typesys import Stores, get_typestore
+
+    file = tmp_path / "touch.mcap"
+    words = ["record", "sim", "--part", PART, "--seconds", "12", "--speed", "inf", "-o", file]
+    words += ["--label", "poke"]
+    result = CliRunner().invoke(cli, [*map(str, words), "--calibration", str(folder / "load")])
+    assert result.exit_code == 0, result.output
+    store, held = get_typestore(Stores.ROS2_JAZZY), {}
+    with file.open("rb") as opened:
+        for schema, channel, message in make_reader(opened).iter_messages():
+            if channel.topic.startswith("/skin/wrench"):
+                kind = schema.name
+                found = store.deserialize_cdr(message.data, kind)
+                held.setdefault(channel.topic, []).append(found)
+    wrenches, covariances = held["/skin/wrenches"], held["/skin/wrench_covariances"]
+    assert len(wrenches) == len(covariances) > 10
+    assert {one.header.frame_id for one in wrenches} == {load_robot("icub").part(PART).link}
+    for wrench, covariance in zip(wrenches, covariances, strict=True):
+        force = wrench.wrench.force
+        size = np.linalg.norm([force.x, force.y, force.z])
+        matrix = np.reshape(covariance.data, (6, 6))
+        np.testing.assert_allclose(matrix, matrix.T)
+        # What lies between taxels is in doubt by a tenth of the force at least.
+        assert np.sqrt(np.trace(matrix[:3, :3])) > 0.1 * size > 0
+
+
+def test_record_weighs_no_touches_without_names(folder: Path, tmp_path: Path) -> None:
+    words = ["record", "sim", "-o", str(tmp_path / "a.mcap"), "--calibration", str(folder / "load")]
+    assert "--label or --model" in CliRunner().invoke(cli, words).output

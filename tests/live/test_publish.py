@@ -82,6 +82,7 @@ def test_publisher_sends_contacts_until_they_are_over():
                 "peak": 200.0,
                 "mean": 90.5,
                 "force_n": None,
+                "load": None,
                 "path_m": [[0.1, 0.2, 0.3]],
             }
         ],

@@ -217,12 +217,32 @@ def points_of(cloud: Any) -> NDArray[Any]:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class TouchMarker:
-    """A touch to be marked: its number, link, centre (3,) [m] in the link's frame, and name."""
+    """A touch to be marked: its number, link, centre (3,) [m] in the link's frame, and name.
+
+    Where its load is known, `wrench (6,)` is the force on the skin [N] and its moment about the
+    origin of the link [N m], `covariance (6, 6)` that of both.
+    """
 
     identity: int
     link: str
     centre: FloatArray
     name: str
+    wrench: FloatArray | None = None
+    covariance: FloatArray | None = None
+
+
+def wrench_message(stamp: int, link: str, wrench: FloatArray) -> bytes:
+    """A `geometry_msgs/WrenchStamped` of force and moment (6,) in the frame of a link."""
+    parts = (build("geometry_msgs/Vector3", *each) for each in wrench.reshape(2, 3).tolist())
+    return write(
+        "geometry_msgs/WrenchStamped", header(stamp, link), build("geometry_msgs/Wrench", *parts)
+    )
+
+
+def covariance_message(covariance: FloatArray) -> bytes:
+    """A `std_msgs/Float64MultiArray` of a covariance (6, 6), row by row."""
+    layout = build("std_msgs/MultiArrayLayout", [], 0)
+    return write("std_msgs/Float64MultiArray", layout, np.ravel(covariance).astype(np.float64))
 
 
 def markers_message(stamp: int, touches: Sequence[TouchMarker], gone: Sequence[int]) -> bytes:

@@ -13,15 +13,18 @@ from skinmap.geometry.rigid import transform_points
 from skinmap.io.ros2.messages import (
     Cloud,
     TouchMarker,
+    covariance_message,
     markers_message,
     text_message,
     transforms_message,
+    wrench_message,
 )
 from skinmap.skin.joints import ancestors, joint_transform
 from skinmap.skin.robot import Robot
 
 DESCRIPTION, TF, TF_STATIC = "/robot_description", "/tf", "/tf_static"
 POINTS, MARKERS, JOINT_STATES = "/skin/points", "/skin/markers", "/joint_states"
+WRENCHES, COVARIANCES = "/skin/wrenches", "/skin/wrench_covariances"  # one each a touch, in pairs
 TYPES = {
     DESCRIPTION: "std_msgs/String",
     TF: "tf2_msgs/TFMessage",
@@ -29,6 +32,8 @@ TYPES = {
     POINTS: "sensor_msgs/PointCloud2",
     MARKERS: "visualization_msgs/MarkerArray",
     JOINT_STATES: "sensor_msgs/JointState",
+    WRENCHES: "geometry_msgs/WrenchStamped",
+    COVARIANCES: "std_msgs/Float64MultiArray",
 }
 LATCHED = (DESCRIPTION, TF_STATIC)  # kept for who comes late (durability transient_local)
 
@@ -178,12 +183,16 @@ class RobotView:
         self._write(TF, stamp, self._topics.moving(stamp), 0)
 
     def touches(self, stamp: int, touches: Sequence[TouchMarker]) -> None:
-        """Show touches with their names."""
+        """Show touches with their names, and their wrenches where these are known."""
         now = {one.identity for one in touches}
         gone = sorted(self._marked - now)
         if now or gone:
             self._write(MARKERS, stamp, markers_message(stamp, touches, gone), 0)
         self._marked = now
+        for one in touches:
+            if one.wrench is not None and one.covariance is not None:
+                self._write(WRENCHES, stamp, wrench_message(stamp, one.link, one.wrench), 0)
+                self._write(COVARIANCES, stamp, covariance_message(one.covariance), 0)
 
     def end(self) -> None:
         """Show what a single sample left open."""

@@ -19,6 +19,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import SkinMismatchError
 from skinmap.geometry.triangles import unit
 from skinmap.physics.spring_bed import spring_bed
+from skinmap.touch.load_calibration import NORMAL_90
 from skinmap.touch.prepared_skin import PreparedSkin
 
 SPREAD = 2e-3  # of a pressure through foam, standard deviation [m]
@@ -82,6 +83,17 @@ class ContactForce:
     def in_words(self) -> str:
         """`12.4 N (10.9 to 14.1)`, or why not."""
         return self.refused or "{:.3g} N ({:.3g} to {:.3g})".format(*self.force)
+
+    def wrench(self) -> tuple[FloatArray, FloatArray]:
+        """Force on the skin and its moment about the link's origin (6,) [N, N m], and (6, 6).
+
+        The covariance is that of the size, as wide as the interval; it holds no doubt of the
+        direction.
+        """
+        wrench = np.concatenate([self.vector, self.moment + np.cross(self.centre, self.vector)])
+        # The lower end stops at 0 N, the upper one does not.
+        away = (self.force.high - self.force.value) / (NORMAL_90 * self.force.value)
+        return wrench, away**2 * np.outer(wrench, wrench)
 
     def plain(self) -> dict[str, Any]:
         """For JSON: numbers in the units of their names, null where there is no answer."""

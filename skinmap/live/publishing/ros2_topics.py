@@ -64,14 +64,21 @@ class Ros2Topics:
         (stamp,) = stamps(np.array([moment.time]))
         if moment.angles:
             self._view.angles(stamp, moment.angles)
-        marks = [
-            TouchMarker(one.identity, self._robot.part(one.part).link, one.centre, one.label)
-            for one in moment.touches
-        ]
-        self._view.touches(stamp, marks)
+        self._view.touches(stamp, touch_markers(self._robot, moment))
 
     def _shown(self, topic: str, stamp: int, message: bytes, _: int) -> None:
         self._send(topic, TYPES[topic], stamp, message)
+
+
+def touch_markers(robot: Robot, moment: Moment) -> list[TouchMarker]:
+    """The touches of a moment as ROS 2 gets them."""
+    found = []
+    for one in moment.touches:
+        known = None if one.load is None or one.load.refused else one.load.wrench()
+        wrench, covariance = (None, None) if known is None else known
+        link = robot.part(one.part).link
+        found.append(TouchMarker(one.identity, link, one.centre, one.label, wrench, covariance))
+    return found
 
 
 def stamps(times: FloatArray) -> list[int]:
