@@ -175,7 +175,7 @@ def _uncovered(case: Case) -> tuple[FloatArray, float]:
             own[[row for near in tree.query_ball_point(path, BESIDE) for row in near]] = True
         case.beside = beside
     felt = np.sum([one.response > THRESHOLD for one in case.doctor.touches], axis=0)
-    share = case.beside @ (felt < OFTEN) / len(positions)
+    share = (case.beside & (felt < OFTEN)).mean(axis=1)
     asked = [one.middle for one in case.doctor.touches if one.middle is not None]
     for row, path in enumerate(paths):
         if asked and np.linalg.norm(path[len(path) // 2] - asked, axis=1).min() < AGAIN:

@@ -33,7 +33,8 @@ BESIDE, NEAR = 9e-3, 7e-3  # from a stroke, and from the middle of a poke [m]
 FEWEST = {"stroke": 9, "poke": 7}  # answers that a surface is laid through
 EXPECTED = 35.0  # counts below which an answer is too small to compare [counts]
 ROUNDS, PRIOR = 12, 0.3  # of the joint fit; spread of gains before anything is known [log]
-SURE = 4.4  # deviations: one healthy taxel in 100,000
+LEAST = 1.2  # touches on each side of a change
+SURE, MODEL = 3.6, 0.1  # deviations that a change needs; error of the surfaces themselves [log]
 WEAKER = 0.15  # least change of a gain [log]
 MOVED, NOISIER = 12.0, 3.0  # least change of a baseline [counts], and of a noise (times)
 MOST_DRAWN = 400  # taxels of which each has a line of its own
@@ -195,7 +196,7 @@ def _laid(boards: Boards, touch: KeptTouch, epoch: int) -> _Laid | None:
         y = np.einsum("ij,ij->i", np.cross(boards.normals[rows], along), off) / BESIDE
         s = s + np.einsum("ij,ij->i", along, off) / (0.5 * STROKE)
         keep = (np.abs(y) < 1.0) & (np.abs(s) < 1.05) & (away.min(axis=1) < 2 * BESIDE)
-        terms = np.column_stack([np.ones(len(s)), s, y, s**2, s * y, y**2])
+        terms = np.column_stack([*(s**k for k in range(6)), y, y**2, s * y, s * y**2])
     else:
         u, v = (tangents(boards, path[0]) @ (places - path[0]).T) / NEAR
         keep = np.hypot(u, v) < 2.0
@@ -279,12 +280,12 @@ def _changes(
     there = np.where(np.isnan(gain), 0.0, weight)
     for split in range(1, len(times)):
         old, new = there[:split].sum(axis=0), there[split:].sum(axis=0)
-        both = (old > 0.5) & (new > 0.5)
+        both = (old > LEAST) & (new > LEAST)
         before = (there[:split] * value[:split]).sum(axis=0) / np.maximum(old, 1e-9)
         after = (there[split:] * value[split:]).sum(axis=0) / np.maximum(new, 1e-9)
         step = np.where(both, after - before, 0.0)
-        spread = noise * np.sqrt(1 / np.maximum(old, 0.5) + 1 / np.maximum(new, 0.5))
-        score = np.abs(step) / max(noise, 1e-9) * noise / spread
+        spread = noise * np.sqrt(1 / np.maximum(old, LEAST) + 1 / np.maximum(new, LEAST))
+        score = np.abs(step) / np.hypot(spread, MODEL)
         better = both & (score > best)
         best[better], size[better], first[better] = score[better], step[better], split
     for row in np.flatnonzero((best > SURE) & (np.abs(size) > WEAKER)).tolist():

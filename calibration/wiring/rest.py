@@ -110,7 +110,7 @@ def judge_rest(samples: ArrayLike, boards: Boards) -> RestFindings:
     tells = bool(moving[~silent].mean() >= 0.5 and np.percentile(changes[moving], 2.0) >= ALIVE)
     there = boards.columns >= 0
     lively = np.where(there, moving[np.where(there, boards.columns, 0)], False)
-    mute = np.flatnonzero((lively.sum(axis=1) == 0) & (there.sum(axis=1) >= 3)) if tells else []
+    mute = np.flatnonzero((lively.sum(axis=1) == 0) & (there.sum(axis=1) >= 3) & tells)
     rows = boards.columns[mute]
     within = set(rows[rows >= 0].tolist())
     # A channel with a spike or two stands still as well, and two spikes at once make no copy.
@@ -132,4 +132,4 @@ def judge_rest(samples: ArrayLike, boards: Boards) -> RestFindings:
     if np.any(wild):
         found.append(finding("noisy", "noisy at rest", channels=np.flatnonzero(wild)))
     alive = np.asarray(2 * lively.sum(axis=1) > there.sum(axis=1)) & tells
-    return RestFindings(len(values), tuple(mute), alive, tuple(found), tells, level, rough)
+    return RestFindings(len(values), tuple(mute.tolist()), alive, tuple(found), tells, level, rough)

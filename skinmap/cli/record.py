@@ -33,9 +33,11 @@ if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
     from skinmap.live.moment import Moment
     from skinmap.live.recording.recorder import Recorder
+    from skinmap.live.recording.recording_tap import RecordingTap
     from skinmap.live.sources.source import Source
 
 LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk before dropping
+LOOKED_AT = 200  # samples from which a recording is examined
 SHOWN, LOGGED = 0.25, 5.0  # seconds between two lines on a terminal, and in a log
 
 
@@ -195,6 +197,28 @@ def command(
         files=[str(file) for file in recorder.files],
     )
     present(result, _lines, as_json=as_json)
+    _warn(recorded, output)
+
+
+def _warn(recorded: RecordingTap, output: Path) -> None:
+    """In one line the worst fault that would falsify what is trained on the recording."""
+    import warnings
+
+    import numpy as np
+
+    from skinmap.errors import SkinWarning
+    from skinmap.soundness.examination import FALSIFYING, examine_track
+    from skinmap.soundness.track import Track
+
+    if sum(map(len, recorded.kept)) < LOOKED_AT:
+        return
+    values = np.concatenate([one.values for one in recorded.kept])
+    times = np.concatenate([one.times for one in recorded.kept])
+    found = examine_track(Track(str(output), values, times))[0].findings
+    worst = next((one for one in found if one.kind in FALSIFYING), None)
+    if worst is not None:
+        more = f"`skinmap examine {output}` lists all findings"
+        warnings.warn(f"{worst.text} {more}", SkinWarning, stacklevel=1)
 
 
 def _check_output(output: Path, source: str) -> None:

@@ -408,8 +408,9 @@ def smooth(series: NDArray[np.float32], width: int) -> FloatArray:
 def _thermal(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Channels that follow nothing but a slow course of their own."""
     cells = len(survey.mean)
-    if cells < 24 or survey.loaded or (episodes(survey)[~bad] > 0).mean() < 0.3:
+    if cells < 24 or survey.loaded:
         return []
+    touched = episodes(survey) > 0
     slow = smooth(survey.mean, max(cells // 8, 5))
     course = slow.max(axis=0) - slow.min(axis=0)
     edge = max(cells // 16, 2)
@@ -422,10 +423,15 @@ def _thermal(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     limit = np.maximum(4.0 * survey.noise / np.sqrt(survey.cell), 0.6 * survey.quantum)
     flat = fast < np.maximum(limit, 0.15 * course)
     steady = fast < 0.3 * np.median(usual)
-    which = lively & flat & steady & (course > 6.0 * survey.noise) & (apart > 0.5 * course)
+    which = lively & flat & (course > 6.0 * survey.noise) & (apart > 0.5 * course)
     which &= course > np.maximum(3.0 * survey.quantum, 0.25 * np.median(survey.floor[lively]))
     if survey.uniform:
         which &= np.abs(survey.follows) < 0.5
+    # Where the channels beside one are touched, it should be; or where most are.
+    calm = fast < np.maximum(1.6 * limit, 0.02 * course)
+    for c in np.flatnonzero(which & calm):
+        calm[c] = touched[neighbours(survey, int(c))].mean() >= 0.5
+    which &= calm | (steady & (touched[~bad].mean() >= 0.3))
     channels = np.flatnonzero(which)
     if len(channels) == 0 or len(channels) > 0.35 * survey.width:
         return []
@@ -452,9 +458,11 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     limit = usual * max(NOISY, float(np.exp(min(4.0 * spread, 2.5))))
     reach = np.percentile(survey.mean, 99.0, axis=0) - np.percentile(survey.mean, 1.0, axis=0)
     share = level / np.maximum(reach, 1e-12)  # a channel of a larger gain has more noise too
-    wild = (level > limit) & lively & (share > 2.5 * np.median(share[:, lively]))
+    touched = lively & (reach > 10.0 * np.median(level, axis=0) / np.sqrt(survey.cell))
+    usual_share = np.median(share[:, touched]) if touched.any() else 0.0
+    wild = (level > limit) & lively & (~touched | (share > 2.5 * usual_share))
     if survey.uniform:
-        wild &= np.abs(survey.follows) < 0.9
+        wild &= (np.abs(survey.follows) < 0.9) | (share > 6.0 * usual_share)
     found = []
     always = np.flatnonzero(wild.mean(axis=0) >= 0.75)
     some = np.flatnonzero((wild.mean(axis=0) < 0.75) & (wild.sum(axis=0) >= 2))
@@ -489,7 +497,15 @@ def _sign(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     turned &= calm - low > 1.5 * (high - calm)
     if survey.uniform:  # all taxels feel the same
         turned = lively & (survey.follows * np.sign(np.median(survey.follows[lively])) < -0.6)
-    channels = np.flatnonzero(turned)
+    # Where a touch fills a piece of the recording: dips from a level that is come back to.
+    level = np.median(survey.mean * sign, axis=0)
+    dips = survey.mean * sign < 0.5 * (level + low)
+    steady = ~(dips[:2].any(axis=0) | dips[-2:].any(axis=0)) & (dips.mean(axis=0) < 0.35)
+    deep = (level - low > 4.0 * (high - level)) & (level - low > least)
+    if survey.calm.any():  # the level is that of the untouched channel
+        at_rest = np.median(survey.mean[survey.calm] * sign, axis=0)
+        deep &= np.abs(at_rest - level) < 0.25 * (level - low)
+    channels = np.flatnonzero(turned | (lively & steady & deep))
     if len(channels) == 0 or len(channels) > 0.4 * lively.sum():
         return []
     bad[channels] = True

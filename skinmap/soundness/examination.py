@@ -23,6 +23,10 @@ if TYPE_CHECKING:
     from skinmap.touch.recording import Recording
 
 
+# Faults for which a model learns something else than touches, whatever it is trained on.
+FALSIFYING = ("duplicate", "order", "restart", "sign", "copied")
+
+
 @row
 class ExaminedFile:
     """Findings in one recording."""

@@ -22,11 +22,11 @@ MOST_LABELS = 2000
 def set_faults(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Leaks and doubtful labels of one recording."""
     track = survey.track
-    if track.events is None or len(track.labels) < 4:
+    if track.events is None or len(track.labels) < 2:
         return []
     rows = [np.flatnonzero(track.events == k) for k in range(min(len(track.labels), MOST_LABELS))]
     kept = [k for k, own in enumerate(rows) if len(own) and track.labels[k]]
-    if len(kept) < 4:
+    if len(kept) < 2:
         return []
     labels = [track.labels[k] for k in kept]
     own = [rows[k] for k in kept]
@@ -128,9 +128,19 @@ def _unfelt(
         return []
     share = survey.response[:, good] / np.maximum(survey.floor[good], 1e-12)
     top = share.max(axis=1)
-    felt = np.array([top[np.unique(survey.cell_of(own))].max() for own in rows])
+    # By their own rows: a cell at their end may belong to the touch beside them.
+    sign = 1.0 if survey.rising else -1.0
+    rest = survey.mean - survey.response * sign
+
+    def response(own: IntArray) -> float:
+        several = np.array_split(own, max(len(own) // survey.cell, 1))
+        means = np.array([np.nan_to_num(survey.track.values[one]).mean(axis=0) for one in several])
+        away = (means - rest[survey.cell_of([one[0] for one in several])]) * sign
+        return float((away[:, good] / np.maximum(survey.floor[good], 1e-12)).max())
+
+    felt = np.array([response(own) for own in rows])
     usual = float(np.median(felt))
-    quiet = float(np.percentile(top[survey.calm], 90.0)) if survey.calm.any() else 0.0
+    quiet = 1.2 * float(np.percentile(top[survey.calm], 98.0)) if survey.calm.any() else 0.0
     empty = np.flatnonzero((felt < 0.6) & (felt < 0.2 * usual) & (felt <= quiet))
     if usual < 2.0 or len(empty) == 0 or len(empty) > 0.5 * len(rows):
         return []

@@ -108,6 +108,11 @@ class Survey:
         lively = ~self.constant if not self.constant.all() else slice(None)
         low, high = np.percentile(self.fast[:, lively], (0.5, 99.5), axis=0)
         reach = np.clip((high + low) / np.maximum(high - low, 1e-12), -0.8, 0.8)
+        some = self.mean[:, lively]
+        low, middle, high = np.percentile(some, (0.5, 50.0, 99.5), axis=0)
+        size = np.maximum(high - low, 1e-12)
+        steady = np.abs(some[[0, -1]] - middle).max(axis=0) < 0.25 * size  # it does not drift
+        reach = reach + steady * np.clip((high + low - 2.0 * middle) / size, -0.8, 0.8)
         begin = 0.0
         if self.uniform:
             some = self.mean[:, lively]

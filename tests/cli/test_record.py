@@ -14,9 +14,10 @@ from mcap.reader import make_reader
 
 from skinmap.cli.main import cli
 from skinmap.cli.record import _mark_ended
-from skinmap.errors import SkinError
+from skinmap.errors import SkinError, SkinWarning
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.recordings.touch_files import load_recordings
+from skinmap.touch.recording import Recording, save_recordings
 from skinmap.touch.recording import load_recordings as load_archive
 
 
@@ -279,3 +280,15 @@ def test_commands_say_what_is_wrong_and_leave_nothing(
     before = sorted(tmp_path.iterdir())
     assert message in refuse(*words)
     assert sorted(tmp_path.iterdir()) == before
+
+
+def test_record_warns_in_a_line_of_a_fault_that_falsifies(tmp_path):
+    rng = np.random.default_rng(0)
+    values = rng.normal(100, 3, (400, 240))
+    values[:, 7] = values[:, 5]
+    own = Recording("torso", np.arange(400) / 50, values.astype(np.uint8), np.full(400, -1), ())
+    save_recordings([own], tmp_path / "t.npz")
+    words = ["record", str(tmp_path / "t.npz"), "--robot", "kaspar", "--part", "torso"]
+    with pytest.warns(SkinWarning, match="5 and 7 carry the same signal.*skinmap examine"):
+        result = CliRunner().invoke(cli, [*words, "-o", str(tmp_path / "t.mcap"), "--speed", "inf"])
+    assert result.exit_code == 0, result.output

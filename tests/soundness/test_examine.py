@@ -231,3 +231,42 @@ def test_training_is_warned_of_one_recording_under_two_names(tmp_path):
 def test_a_folder_without_recordings_is_refused(tmp_path):
     with pytest.raises(DataFormatError, match="a folder without recordings"):
         skinmap.soundness.track.files_of(tmp_path)
+
+
+def test_a_touch_on_a_calm_skin_shows_a_turned_sign():
+    """Few channels are touched, each now and then: no median moves."""
+    rng = np.random.default_rng(2)
+    values = 100.0 + rng.normal(0, 1.0, (2000, 120))
+    for start in range(50, 1900, 60):
+        first = int(rng.integers(0, 116))
+        values[start : start + 30, first : first + 4] += 60 * np.hanning(30)[:, None]
+    values[:, 50:54] = 100.0
+    values[:, 50:54] += rng.normal(0, 1.0, (2000, 4))
+    for start in (400, 900, 1400):
+        values[start : start + 30, 50:54] += 60 * np.hanning(30)[:, None]
+    values[:, 51] = 200.0 - values[:, 51]
+    own = examine_track(Track("calm", values.round(), np.arange(2000) / 50))[0].findings
+    assert [(one.kind, one.channels) for one in own] == [("sign", [51])]
+
+
+def test_rows_in_another_order_are_no_new_clock():
+    times = np.arange(1000) / 50
+    for seed in range(20):
+        rng = np.random.default_rng(seed)
+        order = np.arange(1000)
+        a = int(rng.integers(50, 900))
+        order[a : a + 25] = rng.permutation(order[a : a + 25])
+        own = examine_track(Track("mixed", noise()[order], times[order]))[0].findings
+        assert [one.kind for one in own] == ["order"]
+
+
+@pytest.mark.parametrize("touched", [False, True])
+def test_a_noisy_channel_is_named_whether_the_skin_is_touched_or_not(touched):
+    rng = np.random.default_rng(4)
+    values = rng.normal(0, 1.0, (1500, 100))
+    if touched:  # a few of the channels
+        for start in range(50, 1400, 100):
+            values[start : start + 40, 10:16] += 80 * np.hanning(40)[:, None]
+    values[:, 70] *= 12.0
+    own = examine_track(Track("noisy", values, np.arange(1500) / 50))[0].findings
+    assert [(one.kind, one.channels) for one in own] == [("noisy", [70])]

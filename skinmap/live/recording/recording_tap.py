@@ -14,6 +14,7 @@ from skinmap.live.sources.source import Block, Relay, Source, SourceEnded, block
 from skinmap.skin.robot import Robot
 
 PATIENCE = 60.0  # seconds to wait for a slow disk before a sample is dropped
+KEPT = 6000  # samples from the beginning that are kept in memory
 HAIR = 1e-6  # [s]; times are multiples of a step only nearly
 
 
@@ -28,6 +29,11 @@ class RecordingTap(Relay):
         Seconds to wait for a slow disk before samples are dropped.
     seconds : float, optional
         Ends after these, in the source's clock.
+
+    Attributes
+    ----------
+    kept : list of Block
+        The first of the samples, to look at when the recording is over.
     """
 
     def __init__(
@@ -43,6 +49,7 @@ class RecordingTap(Relay):
         self._seconds = float("inf") if seconds is None else seconds
         self._end = float("inf")
         self._ended = False
+        self.kept: list[Block] = []
         self._angles: Mapping[str, float] = {}
 
     def read(self, timeout: float) -> Block | None:
@@ -62,6 +69,8 @@ class RecordingTap(Relay):
             block = Block(block.times[rows], block.values[rows], block.arrived)
         self._record_angles(block)  # first: clouds stand where the joints are
         self.recorder.put(block, patience=self._patience)
+        if sum(map(len, self.kept)) < KEPT:
+            self.kept.append(block)
         return block
 
     def _record_angles(self, block: Block) -> None:
