@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from skinmap.commands.options import Written, file_option, out_folder, prints
+from skinmap.commands.options import Written, file_option, named_robot, out_folder, prints
 from skinmap.io.output import staged_file, staged_folder
 from skinmap.report.present import PAGE, emit, show
 from skinmap.report.result import REFUSED_CODE, significant
@@ -22,14 +22,18 @@ MOST = 3  # stretches of rows in a line
 @click.command("examine")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...",
                 type=click.Path(path_type=Path))  # fmt: skip
+@click.option("--robot", metavar="ROBOT", help="Skin of recordings that do not name theirs.")
 @out_folder("a page with pictures")
 @file_option("--mend", Written(".npz"), "Mended copy of one recording: an NPZ.")
 @prints(Examined)
-def command(files: tuple[Path, ...], out: Path | None, mend: Path | None, as_json: bool) -> None:
+def command(
+    files: tuple[Path, ...], robot: str | None, out: Path | None, mend: Path | None, as_json: bool
+) -> None:
     """Find the faults of recordings: times, channels, rest, labels, and one recording twice.
 
     FILE is a recording of any kind, or a folder of them: NPZ of `samples` (t, n) and `times` (t,),
-    CSV with a column `time`, MAT, MCAP, XDF, bags of ROS 2. No mapping is needed. --mend writes a
+    CSV with a column `time`, MAT, MCAP, XDF, bags of ROS 2. No mapping is needed; --robot adds the
+    places of the channels, and finds those that answer elsewhere. --mend writes a
     copy with its rows in order, without repeated ones, clocks aligned and other faults as marks.
     Exit code 3: findings that matter.
 
@@ -37,9 +41,13 @@ def command(files: tuple[Path, ...], out: Path | None, mend: Path | None, as_jso
     Example:  skinmap examine touches.npz --json
     """
     from skinmap.soundness.examination import examine_tracks
-    from skinmap.soundness.track import tracks
+    from skinmap.soundness.track import placed, tracks
 
-    result, surveys = examine_tracks(tracks(list(files)))
+    found = tracks(list(files))
+    if robot is not None:
+        known = named_robot(robot)
+        found = (one if one.places is not None else placed(one, known) for one in found)
+    result, surveys = examine_tracks(found)
     if mend is not None and len(surveys) > 1:
         raise click.UsageError(f"--mend takes one recording, not {len(surveys)}")
     written = []

@@ -448,7 +448,9 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     calm = np.flatnonzero(survey.calm)
     several = 1 if survey.loaded else int(np.clip(len(calm) // 6, 1, 12))
     pieces = np.array_split(calm, several)
-    level = np.array([np.percentile(survey.rough[own], 60.0, axis=0) for own in pieces])
+    # One touched channel among many leaves a cell calm: its own touch is not noise.
+    rough = np.where(np.abs(survey.response) > survey.floor, 0.0, survey.rough)
+    level = np.array([np.percentile(rough[own], 60.0, axis=0) for own in pieces])
     level *= SIGMA_OF_SECOND
     usual = max(float(np.median(level[:, lively])), 0.12 * survey.quantum)
     span = np.median((survey.high.max(axis=0) - survey.low.min(axis=0))[lively])

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinmap.rows import column, row
-from skinmap.soundness.channel_faults import channel_faults
+from skinmap.soundness.channel_faults import channel_faults, episodes
 from skinmap.soundness.clock_faults import clock_faults
 from skinmap.soundness.finding import Finding
+from skinmap.soundness.place_faults import place_faults
 from skinmap.soundness.rest_faults import rest_faults, session_offsets
 from skinmap.soundness.set_faults import set_faults, together
 from skinmap.soundness.survey import Survey, survey
@@ -88,7 +89,7 @@ def examine_track(track: Track) -> tuple[ExaminedFile, Survey]:
         own, bad = channel_faults(looked)
         found += own
         found += rest_faults(looked, bad) or session_offsets(looked, bad)
-        found += set_faults(looked, bad)
+        found += set_faults(looked, bad) + place_faults(looked, bad, episodes(looked))
     rate = 1.0 / times.step if times.step > 0 else None
     named = [replace(_marked(one, track), file=track.file) for one in in_order(found)]
     count, width = track.values.shape

@@ -7,17 +7,27 @@ import io
 import json
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, MissingFileError, SkinError, check_kind
+from skinmap.errors import (
+    DAMAGED_ARCHIVE,
+    DataFormatError,
+    MissingFileError,
+    SkinError,
+    SkinMismatchError,
+    check_kind,
+)
 from skinmap.io.text import check_file
+
+if TYPE_CHECKING:
+    from skinmap.skin.robot import Robot
 
 MAX_BYTES = 2**32
 MOST_CHANNELS = 20_000
@@ -440,6 +450,36 @@ def track_of(recordings: Any, file: str = "recording", *, placed: bool = True) -
         sessions=tuple(first.sessions) if any(first.sessions) else (),
         people=tuple(first.people) if any(first.people) else (),
         places=np.concatenate(known) if len(known) == len(several) else None,
+    )
+
+
+def placed(track: Track, robot: Robot) -> Track:
+    """A track with the places of the first part of a robot, or of all, with as many channels.
+
+    Raises
+    ------
+    SkinMismatchError
+        None has as many.
+    """
+    width = track.values.shape[1]
+    tables = {part: robot.repair(part).table for part in robot.parts}
+    whole = list(tables.values())
+    for several in [*([one] for one in whole), whole]:
+        own = np.concatenate([one.positions for one in several])
+        if len(own) == width:
+            return replace(track, places=own)
+        vectors = [int(one.channels.max()) + 1 for one in several]
+        if width in (sum(vectors), sum(-(-one // 192) * 192 for one in vectors)) and (
+            len(several) == 1 or sum(vectors) == width
+        ):
+            own = np.full((width, 3), np.nan)
+            starts = np.cumsum([0, *vectors[:-1]])
+            for start, one in zip(starts, several, strict=True):
+                own[start + one.channels] = one.positions
+            return replace(track, places=own)
+    counts = ", ".join(f"{part} {len(one)}" for part, one in tables.items())
+    raise SkinMismatchError(
+        f"{track.file}: {width} channels; the taxels of {robot.name}: {counts}"
     )
 
 
