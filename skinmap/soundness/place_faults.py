@@ -64,9 +64,12 @@ def _elsewhere(survey: Survey, rows: NDArray[np.int64], at: FloatArray) -> list[
         if not distant.any():
             continue
         best = alike[own][:, distant].max(axis=1)
-        if (best > ALIKE).mean() >= 0.5:
+        there = np.flatnonzero(distant)[alike[own][:, distant].argmax(axis=1)]
+        apart = np.linalg.norm(at[there] - np.median(at[there], axis=0), axis=1)
+        # All belong to one other place, not to one here and one there by chance.
+        if (best > ALIKE).mean() >= 0.5 and np.median(apart) < FAR * pitch:
             found += own.tolist()
-            partners |= set(np.flatnonzero(distant)[alike[own][:, distant].argmax(axis=1)].tolist())
+            partners |= set(there.tolist())
     if not found or len(found) > 0.4 * len(rows):
         return []
     text = (

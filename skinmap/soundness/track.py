@@ -478,9 +478,7 @@ def placed(track: Track, robot: Robot) -> Track:
                 own[start + one.channels] = one.positions
             return replace(track, places=own)
     counts = ", ".join(f"{part} {len(one)}" for part, one in tables.items())
-    raise SkinMismatchError(
-        f"{track.file}: {width} channels; the taxels of {robot.name}: {counts}"
-    )
+    raise SkinMismatchError(f"{track.file}: {width} channels; the taxels of {robot.name}: {counts}")
 
 
 def _places_of(robot: str, part: str, width: int) -> FloatArray | None:

@@ -270,3 +270,35 @@ def test_a_noisy_channel_is_named_whether_the_skin_is_touched_or_not(touched):
     values[:, 70] *= 12.0
     own = examine_track(Track("noisy", values, np.arange(1500) / 50))[0].findings
     assert [(one.kind, one.channels) for one in own] == [("noisy", [70])]
+
+
+def test_channels_that_answer_elsewhere_and_without_a_place_are_named():
+    """Sixteen channels of a sheet carry the values of sixteen others, as two swapped plugs do."""
+    rng = np.random.default_rng(0)
+    places = np.stack(np.meshgrid(np.arange(16.0), np.arange(16.0)), -1).reshape(-1, 2)
+    values = rng.normal(0, 0.5, (12000, 256))
+    for start in range(20, 11950, 30):
+        middle = rng.uniform(0, 15, 2) + np.linspace(0, 3, 25)[:, None]
+        away = ((places[None] - middle[:, None]) ** 2).sum(axis=2)
+        values[start : start + 25] += 80 * np.hanning(25)[:, None] * np.exp(-away / 2.5)
+    at = np.column_stack([5e-3 * places, np.zeros(256)])
+    healthy = Track("right", values, np.arange(12000) / 50, places=at)
+    assert examine_track(healthy)[0].findings == []
+    block = (places[:, 0] >= 1) & (places[:, 0] < 5) & (places[:, 1] >= 1) & (places[:, 1] < 5)
+    one = np.flatnonzero(block)
+    other = one + 10 + 16 * 10  # ten to the side and ten up
+    swapped = values.copy()
+    swapped[:, one], swapped[:, other] = values[:, other], values[:, one]
+    lost = at.copy()
+    lost[200] = np.nan
+    own = examine_track(replace(healthy, values=swapped, places=lost))[0].findings
+    found = {finding.kind: finding.channels for finding in own}
+    assert found == {"wiring": sorted([*one.tolist(), *other.tolist()]), "place": [200]}
+
+
+def test_a_robots_places_go_by_the_number_of_channels(tmp_path):
+    np.savez(tmp_path / "t.npz", samples=noise(600, 240), times=np.arange(600) / 50)
+    words = ["examine", str(tmp_path / "t.npz"), "--robot"]
+    assert CliRunner().invoke(cli, [*words, "kaspar"]).exit_code == 0
+    refused = CliRunner().invoke(cli, [*words, "baxter-forearm"])
+    assert "240 channels; the taxels of" in str(refused.exception)
