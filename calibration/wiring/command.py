@@ -108,8 +108,10 @@ def checkup(
     try:
         examined = _examined(Path(source), opened, loaded, parts, plan, places)
     finally:
-        for one in [*markers, *([] if opened is None or simulated else [opened])]:
+        for one in markers:
             one.close()
+        if opened is not None:
+            opened.close()
     result = findings(examined)
     if history is not None:
         from calibration.wiring.history import keep_checkup
