@@ -242,134 +242,6 @@ def physics(results: Path) -> list[str]:
     return _table(("touches that vary, parts left out (calibration error)", *heads), table)
 
 
-def motion(results: Path) -> list[str]:
-    """Strokes, pats and their like, named, and which way and how fast they went."""
-    kept = _read(results, "in_time")
-    icub = kept["icub"]
-    named = {(row["features"], row["tested_on"], row["seen"]): row["mean"] for row in icub["rows"]}
-    strokes = {row["physics"]: row for row in icub["strokes"]}
-    strokes |= {row["robot"]: row for row in kept["robots"] if "speed" in row}
-    tested = {
-        "iCub": "ours", "UR10e": "ur10e-cyskin", "KASPAR's hand": "kaspar",
-        "MuJoCo, foam": "foam", "MuJoCo, judge": "judge",
-    }  # fmt: skip
-    table = [
-        (
-            title,
-            f"{strokes[key]['direction_deg']:.0f}°",
-            _share(strokes[key]["speed"]),
-            _share(named["and motion", key, 1.0]) if ("and motion", key, 1.0) in named else "",
-            _share(named["contact geometry", key, 1.0])
-            if ("contact geometry", key, 1.0) in named
-            else "",
-        )
-        for title, key in tested.items()
-        if key in strokes
-    ]
-    heads = (
-        "strokes of 5 cm or more, median errors; eight kinds named, parts left out (simulated)",
-        "direction", "speed", "named", "without motion",
-    )  # fmt: skip
-    return _table(heads, table)
-
-
-def speed(results: Path) -> list[str]:
-    """CPU time beside the peer of the same run."""
-    geometry, classify = _area(results, "geometry"), _area(results, "classify")
-    maps = [row for row in geometry["flattening"] if _is(row, n=100_000)]
-    image = _row(geometry["contact_images"], taxels=768)
-    words = _row(classify["histogram"], rotations=6, active_share=1.0)["one_sample_us"]
-    machine = _row(classify["intersection_svm"], counts="whole")["samples_us"]
-    million = _row(geometry["flattening"], n=1_000_000, method="fast")
-    pairs = (
-        ("`fast`", "fast", "libigl LSCM"),
-        ("`balanced`", "balanced", "libigl ARAP-10 from BFF"),
-        ("`dirichlet`", "dirichlet", "libigl SLIM-2 from BFF"),
-    )
-    rows = [
-        (
-            f"100,000 vertices laid flat, {title}",
-            _map(_row(maps, method=ours)),
-            f"{peer}: {_map(_row(maps, method=peer))}",
-        )
-        for title, ours, peer in pairs
-    ]
-    rows += [
-        (
-            "1,000,000 vertices laid flat, `fast`",
-            f"{million['seconds']:.0f} s, {million['peak_gb']:.1f} GB",
-            "",
-        ),
-        _meshing(geometry["meshing"]),
-        (
-            "contact image, 66 x 100 pixels of 768 taxels",
-            f"{image['image_us']:.0f} µs",
-            f"SciPy LinearNDInterpolator, triangulation kept: {image['scipy_reused_us']:.0f} µs",
-        ),
-        (
-            "histogram of one sample, 1,128 taxels",
-            f"{words['compiled']:.0f} µs (numpy alone {words['numpy']:.0f} µs)",
-            f"loop as the paper has it: {words['literal_loop'] / 1e3:.1f} ms",
-        ),
-        (
-            "intersection SVM, 2,000 decisions",
-            f"{machine['compiled'] / 1e3:.2f} ms (numpy alone {machine['numpy'] / 1e3:.1f} ms)",
-            f"scikit-learn with the kernel as a function: {machine['scikit_learn'] / 1e3:.0f} ms",
-        ),
-    ]
-    return _table(("one thread, CPU time", "Skinmap", "beside it, in the same run"), rows)
-
-
-def places(results: Path) -> list[str]:
-    """Errors of calibrations (simulated), and how late a live sample has its label."""
-    found, live = _area(results, "calibration"), _area(results, "live")
-    wrap = _row(found["wrap"], anchors=4, scale=1.0)
-    touches = [row for row in found["touch"] if not row.get("one_module")]
-    touch = _row(touches, touches=32)
-    scan = next(row for row in found["scan"] if "below_1_mm" in row)
-    kept = _read(results, "calibration")  # of long runs
-    press = next(r for r in kept["plane"] if (r["poses"], r["contacts"]) == ("chosen", 40))
-    pokes = [r for r in kept["wiring"] if r["touch"] == "poke"]
-    found_percent = [r["found_percent"] for r in pokes if r["what"] == "all"]
-    healthy = next(r for r in pokes if r["what"] == "healthy")
-    kills = live["recordings"]["kills"]
-    calm, size = live["live_50_hz"], live["recordings"]["size"]
-    rows = [
-        ("4 anchors of 1 mm (simulated)", _error(wrap)),
-        ("32 touches of 1 mm (simulated)", _error(touch)),
-        (
-            "half a link scanned, 0.7 mm noise (simulated)",
-            f"median {scan['median_mm']:.2f} mm, worst {scan['max_mm']:.2f} mm",
-        ),
-        (
-            "40 presses on a table, each placed by the last ones (simulated)",
-            f"95 % of the taxels within {press['taxels_p95_mm']['p95']:.1f} mm in 95 % of "
-            f"{press['trials']} trials",
-        ),
-        (
-            "modules and cables swapped, turned, mirrored or mute, found by 12 to 28 pokes "
-            "(simulated)",
-            f"{min(found_percent):.0f} to {max(found_percent):.0f} % on three parts; "
-            f"{healthy['false_alarms']} of {healthy['runs']} healthy skins reported",
-        ),
-        (
-            f"sample to label, {live['channels']:,} taxels at 50 Hz for "
-            f"{calm['seconds'] / 60:.0f} min",
-            f"median {calm['latency_ms']['median']:.1f} ms, 99 % within "
-            f"{calm['latency_ms']['p99']:.1f} ms; {calm['lost']} samples lost",
-        ),
-        (
-            f"{size['minutes']:.0f} min recorded, all taxels",
-            f"{size['megabytes']:.0f} MB",
-        ),
-        (
-            f"{kills['count']} recorders killed at random moments",
-            f"all {kills['opened']} files open, at most {kills['most_lost_s']:.1f} s lost",
-        ),
-    ]
-    return _table(("", ""), rows)
-
-
 def installed(results: Path) -> list[str]:
     """What is on the disk, what it is for, and what can be left out."""
     told = _read(results, "installed")
@@ -389,18 +261,6 @@ def installed(results: Path) -> list[str]:
     return _table(("", "", "can be left out"), rows)
 
 
-def _meshing(rows: Sequence[dict[str, Any]]) -> tuple[str, str, str]:
-    """The mesh of 10,000 taxels: what a quick peer leaves out is said too."""
-    ours = _row(rows, n=10_000, method="consensus")
-    peer = _row(rows, n=10_000, method="pymeshlab ball pivoting")
-    return (
-        "10,000 taxels meshed",
-        f"{ours['cpu_s']:.2f} s, {ours['n'] - ours['used']} left out, {ours['faces']:,} triangles",
-        f"pymeshlab ball pivoting: {peer['cpu_s']:.2f} s, {peer['n'] - peer['used']} left out, "
-        f"{peer['faces']:,} triangles",
-    )
-
-
 def _accuracy(demo: dict[str, Any], classifier: str, test: str) -> float:
     """Of the demo's table."""
     return float(_row(demo["table"], classifier=classifier, tested_on=test)["accuracy"])
@@ -408,10 +268,6 @@ def _accuracy(demo: dict[str, Any], classifier: str, test: str) -> float:
 
 def _error(row: dict[str, Any]) -> str:
     return f"median {row['median_mm']:.2f} mm, 95 % within {row['p95_mm']:.1f} mm"
-
-
-def _map(row: dict[str, Any]) -> str:
-    return f"{row['seconds']:.1f} s, edge error {row['edge_rms_percent']:.2f} %"
 
 
 def _share(value: float) -> str:
@@ -479,9 +335,6 @@ SECTIONS: dict[str, Section] = {
         ],
     ),
     "The same touches pressed by another physics": (physics, ["evaluation_physics"]),
-    "Touches in time": (motion, ["in_time"]),
-    "Speed, beside others": (speed, ["geometry", "classify"]),
-    "New patches placed, and samples in real time": (places, ["calibration", "live"]),
     "Installed, without extras": (installed, ["installed"]),
 }
 

@@ -137,13 +137,6 @@ class Cache:
                 found.append(Entry(path, path.parent.name, facts.st_size, facts.st_mtime))
         return sorted(found, key=lambda entry: (entry.used, entry.path))
 
-    def clear(self) -> int:
-        """Drop all entries; how many. Nothing else in the folder is touched."""
-        gone = sum(self._remove(entry.path) for entry in self.entries())
-        for path in self._files(PARTIAL):
-            self._remove(path)
-        return gone
-
     def trusted(self) -> bool:
         """Whether only this user can write the folder that is read."""
         try:

@@ -110,10 +110,6 @@ KNOBS: Mapping[str, Mapping[str, Allowed]] = {
         "distance": Allowed(("euclidean", "geodesic")),
         "image_size": Allowed(("66x100",), any_name=True),
     },
-    "fidelity": {
-        "physics": Allowed(("ours", "mujoco")),
-        "variety": Allowed(("none", "some", "wide")),
-    },
 }
 
 

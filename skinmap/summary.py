@@ -79,7 +79,7 @@ class Drawable(Summary):
             raise OutputError(f"{str(path)!r}: a figure ends in .png, .svg or .pdf")
         figure = self.plot()
         try:
-            importlib.import_module("skinmap.report.image").save_figure(figure, path)
+            importlib.import_module("skinmap.report.page").save_figure(figure, path)
         except OSError as error:
             path.unlink(missing_ok=True)
             raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from None

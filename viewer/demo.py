@@ -15,8 +15,7 @@ from skinmap.io.output import staged_folder
 from skinmap.io.recordings.touch_files import save_recordings
 from skinmap.recognition.model_file import save_classifier
 from skinmap.report.flat_figures import part_figure
-from skinmap.report.image import media, save_figure
-from skinmap.report.page import cards, grid, heading, note, page
+from skinmap.report.page import cards, grid, heading, media, note, page, save_figure
 from skinmap.report.present import PAGE
 from skinmap.report.result import plain
 from skinmap.report.structure_figures import structures_figure

@@ -18,8 +18,7 @@ from skinmap.errors import (
     SkinMismatchError,
     UnreachableError,
 )
-from skinmap.io.taxels.taxel_readers import read_taxels
-from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE
+from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE, read_taxels
 from skinmap.io.text import CsvRows, read_text
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import fingerprint

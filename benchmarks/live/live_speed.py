@@ -9,15 +9,10 @@ import numpy as np
 
 import skinmap
 from benchmarks.harness.timing import quartiles
-from skinmap.live.loop import TouchLoop
-from skinmap.live.sources.playback import Playback
-from skinmap.live.sources.source import StreamInfo
 from skinmap.recognition.classifier import TouchClassifier, classifiers
 from skinmap.recognition.descriptors import Touch
-from skinmap.recognition.named_classifiers import default_model
 from skinmap.recognition.naming import name_touches
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulation.gestures import TIME
 from skinmap.touch.simulation.simulator import simulate
 
 TOUCHED = ("torso", "right_forearm", "left_arm", "left_leg_upper", "right_leg_upper")
@@ -56,41 +51,4 @@ def live_rows(quick: bool) -> list[dict[str, Any]]:
                 cost[number] = (time.process_time() - start) * 1e3
         found = {"mean": float(cost.mean()), "quartiles": quartiles(cost)}
         rows.append({"classifier": name, "one_sample_alone_1_touched_ms": found})
-    return rows
-
-
-def in_time_rows(quick: bool) -> list[dict[str, Any]]:
-    """A sample of the whole iCub by the model that comes with Skinmap, with one touch or five."""
-    robot = skinmap.load_robot("icub")
-    skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
-    rng, rows = np.random.default_rng(2), []
-    for count in (1,) if quick else (1, 5):
-        tracks = {
-            part: simulate(skins[part].skin, rng=rng, gestures=TIME, per_gesture=1).pressures
-            for part in TOUCHED[:count]
-        }
-        steps = min(100 if quick else 10_000, *map(len, tracks.values()))
-        silent = {part: np.zeros((steps, len(skin)), np.uint8) for part, skin in skins.items()}
-        values = np.concatenate([(silent | tracks)[part][:steps] for part in skins], axis=1)
-        info = StreamInfo("benchmark", tuple(skins), tuple(map(len, skins.values())), 50.0)
-        source = Playback(info, np.arange(steps) / 50.0, values, speed=float("inf"))
-        loop = TouchLoop(robot, source, classifier=default_model(), skins=skins)
-        cost, felt = np.zeros(steps), np.zeros(steps, np.int64)
-        for _ in range(2):  # the first time warms up
-            loop.seek(0.0)
-            for step in range(steps):
-                start = time.process_time()
-                moment = loop.step(1.0)
-                cost[step] = (time.process_time() - start) * 1e3
-                felt[step] = 0 if moment is None else len(moment.touches)
-        own = cost[felt == count]
-        rows.append(
-            {
-                "touches": count,
-                "samples": steps,
-                "median_ms": float(np.median(cost)),
-                "median_ms_while_touched": float(np.median(own)) if len(own) else None,
-                "p95_ms": float(np.percentile(cost, 95)),
-            }
-        )
     return rows

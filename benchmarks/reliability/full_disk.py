@@ -39,8 +39,8 @@ COMMANDS = {
     "calibrate batch": f"calibrate batch {BOARD}/patches.csv -o OUT",
     "calibrate response": f"calibrate response {BOARD}/rest.npy -o OUT",
     "flatten --resume": "flatten icub --part left_hand --resume OUT",
-    "calibrate touch": f"calibrate touch --layout {BOARD}/board.csv --mesh {BOARD}/link.stl "
-    f"--touches {BOARD}/touches.csv -o OUT",
+    "calibrate wrap --touches": f"calibrate wrap --layout {BOARD}/board.csv --mesh "
+    f"{BOARD}/link.stl --touches {BOARD}/touches.csv -o OUT",
     "calibrate plane": f"calibrate plane {BOARD}/plane/presses.npz --robot icub "
     "--part right_forearm -o OUT",
     "calibrate selftouch": f"calibrate selftouch {BOARD}/selftouch --robot icub "
@@ -50,8 +50,8 @@ COMMANDS = {
     f"--places {BOARD}/wiring/places.csv -o OUT.csv",
     "structures": "structures icub --part left_foot -o OUT",
     "merge": "merge IN.mcap IN.mcap -o OUT.mcap",
-    "label": "label IN.mcap --csv MARKS.csv -o OUT.mcap",
-    "label --write-csv": "label IN.npz --write-csv OUT.csv",
+    "label": "label IN.mcap MARKS.csv -o OUT.mcap",
+    "label -o csv": "label IN.npz -o OUT.csv",
     "trade": "trade icub --part left_hand --task flatten --seeds 1 -o OUT",
     "view --screenshot": "view icub --part left_hand --source sim --screenshot OUT.png",
     "view --movie": "view icub --part left_hand --source sim --seconds 1 --movie OUT.gif",
@@ -82,7 +82,7 @@ def make_inputs(folder: Path) -> None:
         made = CliRunner().invoke(cli, words.split())
         if made.exit_code:
             raise RuntimeError(made.output)
-    CliRunner().invoke(cli, f"label {folder}/in.mcap --write-csv {folder}/marks.csv".split())
+    CliRunner().invoke(cli, f"label {folder}/in.mcap -o {folder}/marks.csv".split())
 
 
 def refuse(name: str, folder: Path, *, room: int = ROOM) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+from types import MappingProxyType
 
 import click
 
@@ -10,9 +11,8 @@ from skinmap.commands.retired import NamedGroup
 
 # name: (module beside this one, its command there, one line for the list)
 COMMANDS = {
-    "wrap": ("wrap", "wrap", "A flat board on its link, by a few anchors."),
+    "wrap": ("wrap", "wrap", "A flat board on its link, by a few anchors or touches."),
     "batch": ("batch", "batch", "Many boards, on several cores or machines."),
-    "touch": ("wrap", "touch", "By touches with a known probe."),
     "selftouch": ("selftouch", "selftouch", "By skin that touches skin."),
     "plane": ("plane", "plane", "By presses on a table."),
     "scan": ("scan", "scan", "A 3D scan of the link to its mesh."),
@@ -25,6 +25,8 @@ COMMANDS = {
 
 class LazyCommands(NamedGroup):
     """Commands that are imported when they are called, not when they are listed."""
+
+    removed = MappingProxyType({"touch": "write skinmap calibrate wrap with --touches FILE"})
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Names in the order of a calibration's work."""

@@ -23,7 +23,7 @@ from calibration.commands.calibration_options import (
     outputs,
 )
 from calibration.commands.results import Grade, PatchResult
-from skinmap.commands.options import prints, units_option
+from skinmap.commands.options import prints
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import retired
 from skinmap.commands.spreading import WorkerOptions, workers_options
@@ -84,18 +84,21 @@ class BatchResult:
 
 @click.command("batch")
 @click.argument("table_file", metavar="TABLE", type=FILE)
-@units_option("files without a unit in the table")
 @outputs(
     "a folder with taxels.csv and report.html for each patch",
     required=True,
     accept="Write taxels and exit 0 whatever the status.",
 )
-@retired(**NO_EFFORT, seed=NO_SEED, sigma_mm="write a column sigma_mm in the table")
-@workers_options
+@retired(
+    **NO_EFFORT,
+    seed=NO_SEED,
+    sigma_mm="write a column sigma_mm in the table",
+    units="write a column units in the table",
+)
+@workers_options(resume=False)
 @prints(BatchResult)
 def batch(
     table_file: Path,
-    units: str,
     output: Outputs,
     spread: WorkerOptions,
 ) -> None:
@@ -103,15 +106,14 @@ def batch(
 
     TABLE is a CSV `name,layout,mesh,anchors[,units,sigma_mm,mirror]`, a row for each patch, with
     files as seen from its folder. A patch that cannot be calibrated does not stop the others: it is
-    listed as failed, with the reason. The exit code is 3 where not all patches are ok. With
-    --resume FOLDER an interrupted run goes on where it ended.
+    listed as failed, with the reason. The exit code is 3 where not all patches are ok.
 
     \b
-    Example:  skinmap calibrate batch patches.csv --jobs 4 --resume patches.resume -o patches
+    Example:  skinmap calibrate batch patches.csv --jobs 4 -o patches
     """
     from skinmap.io.output import staged_folder
 
-    rows = read_batch(table_file, units)
+    rows = read_batch(table_file)
     with (
         staged_folder(cast("Path", output.out)) as stage,
         spread.open("calibrate batch") as workers,
@@ -135,7 +137,7 @@ def batch_lines(result: BatchResult) -> Iterator[Table]:
     yield Table(("patch", "status", "taxels", "predicted error mm", "why"), rows)
 
 
-def read_batch(path: Path, units: str) -> dict[str, PatchFiles]:
+def read_batch(path: Path) -> dict[str, PatchFiles]:
     """The patches of a table `name,layout,mesh,anchors[,units,sigma_mm,mirror]`, by name.
 
     Files are looked for from the table's folder.
@@ -157,15 +159,15 @@ def read_batch(path: Path, units: str) -> dict[str, PatchFiles]:
             raise DataFormatError(f"{name!r} cannot name a folder", path, line)
         if name in found:
             raise DataFormatError(f"the patch {name!r} comes more than once", path, line)
-        found[name] = _patch_files(words, path, line, units)
+        found[name] = _patch_files(words, path, line)
     return found
 
 
-def _patch_files(words: Mapping[str, str], path: Path, line: int, units: str) -> PatchFiles:
-    """A row of the table; what it leaves empty is as the options say."""
+def _patch_files(words: Mapping[str, str], path: Path, line: int) -> PatchFiles:
+    """A row of the table; what it leaves empty is in metres, and drawn from the front."""
     from skinmap.io.text import parse_floats
 
-    unit, mirror = words.get("units") or units, words.get("mirror") or "no"
+    unit, mirror = words.get("units") or "m", words.get("mirror") or "no"
     if unit not in UNITS:
         raise DataFormatError(unknown_name("unit", unit, UNITS), path, line)
     if mirror not in ("yes", "no"):

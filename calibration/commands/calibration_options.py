@@ -150,14 +150,8 @@ def outputs(
     return _with(taken, gathered)
 
 
-def board_options(*, of: str = "all files") -> Callable[[F], F]:
-    """A board on its link: the command gets them, with anchors and touches, as `files`.
-
-    Parameters
-    ----------
-    of : str
-        What the units are of.
-    """
+def board_options() -> Callable[[F], F]:
+    """A board on its link: the command gets them, with anchors and touches, as `files`."""
     taken = [
         click.option(
             "--layout", "layout_file", type=FILE, required=True,
@@ -168,7 +162,7 @@ def board_options(*, of: str = "all files") -> Callable[[F], F]:
             "--mirror", is_flag=True,
             help="The board is drawn from its other side: mirror the drawing.",
         ),
-        units_option(of),
+        units_option("all files"),
         retired(sigma_mm=SIGMA),
     ]  # fmt: skip
     fields = ("layout_file", "mesh_file", "anchors_file", "touches_file", "mirror", "units")

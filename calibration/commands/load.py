@@ -277,7 +277,7 @@ def _picture(fit: LoadFit, one: Pressed) -> bytes:
     import numpy as np
 
     from skinmap.clock_lines import reference_at
-    from skinmap.report.image import picture_bytes, plain_figure
+    from skinmap.report.page import picture_bytes, plain_figure
 
     if one.reference.ndim == 2:  # a wrench: no taxel has a reference of its own
         figure = plain_figure((9.0, 4.4))

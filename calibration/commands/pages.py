@@ -14,8 +14,17 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.rigid import transform_points
 from skinmap.geometry.triangles import face_normals, unit
-from skinmap.report.image import image, picture_bytes, plain_figure
-from skinmap.report.page import facts, heading, note, page, paragraph, verdict_lines
+from skinmap.report.page import (
+    facts,
+    heading,
+    image,
+    note,
+    page,
+    paragraph,
+    picture_bytes,
+    plain_figure,
+    verdict_lines,
+)
 from skinmap.report.projection import View, draw_surface
 from skinmap.report.table import Table
 

@@ -13,7 +13,6 @@ import click
 from calibration.commands.calibration_options import FILE, NO_SEED, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Spread, grade, judged
 from skinmap.commands.options import (
-    Number,
     open_robot,
     part_option,
     prints,
@@ -153,15 +152,10 @@ class PlaneResult(Calibrated):
     help="The surface, where it is known: a point of it [m] and its normal, in the robot's root "
     "link. Repeat it for surfaces 1, 2, ...  Unknown by default.",
 )  # fmt: skip
-@click.option(
-    "--joint-sigma-deg", type=Number(0.0, 180.0, min_open=True), default=0.5,
-    show_default=True, help="Standard deviation of the zero positions of joints.",
-)  # fmt: skip
-@click.option(
-    "--drop-inconsistent", is_flag=True, help="Leave out presses that contradict the rest."
-)
 @outputs("mounts, taxels and the report")
 @retired(
+    joint_sigma_deg="zeros may be off by 0.5 degrees (sd); fit_plane(joint_sigma=...) in Python",
+    drop_inconsistent="leave the presses that are named out of the file",
     threshold="a taxel is active from 8 counts above rest",
     seed=NO_SEED,
     profile=NO_PROFILE,
@@ -229,8 +223,6 @@ def work(
     *,
     evidence: Sequence[Path],
     planes: Sequence[str],
-    joint_sigma_deg: float,
-    drop_inconsistent: bool,
 ) -> tuple[PlaneResult, PlaneEvidence, PlaneFit]:
     """Fit mounts to presses, and propose the next ones."""
     import numpy as np
@@ -248,9 +240,7 @@ def work(
         list(part_chains(robot, pressed, joints).values()),
         modules={part: robot.skin(part).modules for part in pressed},
         planes=known,
-        joint_sigma=float(np.deg2rad(joint_sigma_deg)),
         joint_names=joints,
-        drop_inconsistent=drop_inconsistent,
     )
     seconds = time.process_time() - start
     turning = [k for k in fit.joint_offsets if joints[k] not in robot.body.sliding_joints]

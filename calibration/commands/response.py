@@ -72,29 +72,31 @@ class ResponseResult(Calibrated):
 @click.command("response")
 @click.argument("rest", type=FILE)
 @click.option("--reference", type=FILE, help="Samples under known loads: .npz `samples, loads`.")
-@click.option("--sign", type=click.Choice(["1", "-1"]), default="1", show_default=True,
-              help="-1 where harder presses read lower.")  # fmt: skip
 @click.option(
     "--robot", default="icub", show_default=True, metavar="ROBOT", help="Robot of --part."
 )
 @click.option("--part", metavar="PART",
               help="Only this part of the robot: the result remembers its skin.")  # fmt: skip
 @outputs("response.npz and the report")
-@retired(profile=NO_PROFILE, rate="write it in the .npz: an array rate, or times")
+@retired(
+    profile=NO_PROFILE,
+    sign="write it in the .npz: a number sign, -1 where harder presses read lower",
+    rate="write it in the .npz: an array rate, or times",
+)
 @prints(ResponseResult)
-def response(sign: str, output: Outputs, **given: Any) -> None:
+def response(output: Outputs, **given: Any) -> None:
     """Baseline, noise, threshold, gain and health of each channel.
 
     REST holds five to ten seconds untouched: .npy or .csv (t, n), or .npz with `samples (t, n)` and
-    perhaps `rate` (samples a second, else 50) or `times (t,)`, `modules (n,)` and `thermal (n,)`
-    (channels that feel temperature only).
+    perhaps `rate` (samples a second, else 50) or `times (t,)`, `sign` (-1 where harder presses read
+    lower), `modules (n,)` and `thermal (n,)` (channels that feel temperature only).
 
     \b
     Example:  skinmap calibrate response rest.npy --reference loads.npz -o out
     """
     with progress(1, "calibrate") as advance:
         advance("response")
-        result, found = work(sign=int(sign), **given)
+        result, found = work(**given)
     output.finish(
         result,
         _lines,
@@ -107,14 +109,13 @@ def work(
     *,
     rest: Path,
     reference: Path | None,
-    sign: int,
     robot: str,
     part: str | None,
 ) -> tuple[ResponseResult, ResponseCalibration]:
     """Learn the response of a skin, and judge its channels."""
     import numpy as np
 
-    from calibration.files.mount_files import rate_of, read_samples
+    from calibration.files.mount_files import rate_of, read_samples, sign_of
     from calibration.response.gain import ReferenceLoads
     from calibration.response.response import RATE, Health, ResponseCalibration
 
@@ -128,9 +129,14 @@ def work(
         modules, fingerprint = _skin_of(robot, part, np.shape(arrays["samples"])[-1])
     start = time.process_time()
     found = ResponseCalibration.fit(
-        arrays["samples"], loads, sign=sign, rate=rate_of(arrays, rest) or RATE, modules=modules,
-        thermal=arrays.get("thermal"), fingerprint=fingerprint,
-    )  # fmt: skip
+        arrays["samples"],
+        loads,
+        sign=sign_of(arrays, rest),
+        rate=rate_of(arrays, rest) or RATE,
+        modules=modules,
+        thermal=arrays.get("thermal"),
+        fingerprint=fingerprint,
+    )
     seconds = time.process_time() - start
     health = {str(state): int((found.health == state).sum()) for state in Health}
     bad = [state for state in Health if state not in (Health.OK, Health.NEVER_TOUCHED)]

@@ -146,7 +146,7 @@ class PatchResult(Calibrated):
     mesh_notes
         Faults of the mesh that wrapping it mended.
     touches
-        Number of touches, with `calibrate touch`.
+        Number of touches, with `--touches`.
     seconds
         CPU time of the solution, the link's wrap included.
     files

@@ -87,10 +87,7 @@ class ScanFiles:
 
 
 @click.command("scan")
-@click.option(
-    "--scan", "scan_file", type=FILE, required=True,
-    help="Points: CSV `x,y,z`, or a mesh file (STL, PLY with triangles ...) for its vertices.",
-)  # fmt: skip
+@click.argument("scan_file", metavar="SCAN", type=FILE)
 @mesh_option
 @click.option(
     "--anchors", "anchors_file", type=FILE,
@@ -106,6 +103,7 @@ class ScanFiles:
     required=True,
 )
 @retired(
+    scan="name it without --scan: skinmap calibrate scan SCAN --mesh LINK",
     initial="give --anchors, or move the scan first",
     seed=NO_SEED,
     profile=NO_PROFILE,
@@ -114,12 +112,13 @@ class ScanFiles:
 def scan(output: Outputs, **given: Any) -> None:
     """Register a scan of a link to its mesh, from a pose within 30 degrees and 30 mm.
 
+    SCAN holds points: CSV `x,y,z`, or a mesh file (STL, PLY with triangles ...) for its vertices.
     The start is --anchors; without them, the frames are taken as equal. Where
     the status is not ok, only refused.html is written and the exit code is 3, unless --accept.
     With --taxels, taxels.csv holds them in the frame of the mesh.
 
     \b
-    Example:  skinmap calibrate scan --scan scan.csv --mesh link.stl --anchors pairs.csv -o out
+    Example:  skinmap calibrate scan scan.csv --mesh link.stl --anchors pairs.csv -o out
     """
     with progress(1, "calibrate") as advance:
         files = _load(**given)

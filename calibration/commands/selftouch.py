@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from calibration.commands.calibration_options import FILE, NO_LOSS, NO_SEED, Outputs, outputs
+from calibration.commands.calibration_options import NO_LOSS, NO_SEED, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Probe, grade, judged
 from skinmap.commands.options import open_robot, outside_option, prints
 from skinmap.commands.progress import progress
@@ -118,19 +118,14 @@ class SelfTouchResult(Calibrated):
 )
 @outside_option
 @click.option(
-    "--probes", "probe_file", type=FILE,
-    help="Fingertips without taxels (TOML); probes.toml beside the recordings by default.",
-)  # fmt: skip
-@click.option(
     "--calibrate", "names", metavar="PART", multiple=True,
     help="Part whose mount is unknown; may be repeated. All that were touched by default.",
 )  # fmt: skip
-@click.option(
-    "--joint-offsets/--no-joint-offsets", default=None,
-    help="Find zero positions of the joints as well; done by default with --robot.",
-)  # fmt: skip
 @outputs("mounts, taxels and the report")
 @retired(
+    probes="put the file beside the recordings, as probes.toml",
+    joint_offsets="zeros of joints are found where --robot is given",
+    no_joint_offsets="leave out --robot: zeros of joints are then taken as they are",
     keep_all="recordings that contradict the others are always left out",
     drop_inconsistent="recordings that contradict the others are always left out",
     loss=NO_LOSS,
@@ -141,12 +136,12 @@ class SelfTouchResult(Calibrated):
 def selftouch(
     recordings: tuple[Path, ...],
     robot: str | None,
-    probe_file: Path | None,
     names: tuple[str, ...],
-    joint_offsets: bool | None,
     output: Outputs,
 ) -> None:
     """Mounts of skin patches from a robot that touches itself: RECORDING files, or a folder.
+
+    Fingertips without taxels are named in probes.toml beside the recordings (docs/mounts.md).
 
     Writes mounts.json, a table of taxels (in the frame of their link, with covariances) for each
     part, and report.html. Where the status is not ok, only refused.html is written and the exit
@@ -157,8 +152,8 @@ def selftouch(
     """
     with progress(1, "calibrate") as advance:
         advance("self-touch")
-        data = _load(recordings, robot, probe_file)
-        result, fit = work(data, names, joint_offsets)
+        data = _load(recordings, robot)
+        result, fit = work(data, names)
     output.finish(
         result,
         _lines,
@@ -167,20 +162,18 @@ def selftouch(
     )
 
 
-def _load(recordings: Sequence[Path], robot: str | None, probes: Path | None) -> SelfTouchData:
+def _load(recordings: Sequence[Path], robot: str | None) -> SelfTouchData:
     if robot is None:
-        from calibration.files.part_files import load_part_touches
+        from calibration.files.self_touch_files import load_part_touches
 
-        return load_part_touches(recordings, probes)
+        return load_part_touches(recordings)
     from calibration.files.robot_touches import load_robot_touches
 
     loaded, _ = open_robot(robot, ())
-    return load_robot_touches(recordings, loaded, probes)
+    return load_robot_touches(recordings, loaded)
 
 
-def work(
-    data: SelfTouchData, names: Sequence[str] = (), joint_offsets: bool | None = None
-) -> tuple[SelfTouchResult, SelfTouchFit]:
+def work(data: SelfTouchData, names: Sequence[str] = ()) -> tuple[SelfTouchResult, SelfTouchFit]:
     """Fit mounts to recordings of self-touch, and judge them.
 
     Unknown are the mounts of the chains of some `names`, by default of all with taxels, and zeros
@@ -198,7 +191,7 @@ def work(
         data.recordings,
         data.chains,
         calibrate=asked or skins,
-        joint_offsets=bool(data.robot) if joint_offsets is None else joint_offsets,
+        joint_offsets=bool(data.robot),
         rng=np.random.default_rng(0),
     )
     seconds = time.process_time() - start

@@ -1,4 +1,4 @@
-"""`skinmap calibrate wrap` and `touch`: a flat board on its link, by anchors or by touches."""
+"""`skinmap calibrate wrap`: a flat board on its link, by anchors, by touches or by both."""
 
 from __future__ import annotations
 
@@ -36,7 +36,12 @@ def _picture(ctx: click.Context, param: click.Parameter, value: str | None) -> s
 @click.command("wrap")
 @click.option(
     "--anchors", "anchors_file", type=FILE,
-    help="Known places: CSV `channel,x,y,z[,sigma]`, at least three taxels.",
+    help="Known places: CSV `channel,x,y,z[,sigma]`, at least three taxels without --touches.",
+)  # fmt: skip
+@click.option(
+    "--touches", "touches_file", type=FILE,
+    help="Touches with a tracked probe: CSV `touch,x,y,z,channel,value[,sigma]`, a row for each "
+    "channel that felt a touch.",
 )  # fmt: skip
 @click.option(
     "--window",
@@ -44,15 +49,18 @@ def _picture(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     is_flag=False,
     flag_value=HERE,
     callback=_picture,
-    help="Click taxels and their points in a window, where --anchors is optional; with the name "
+    help="Click taxels and their points in a window, where evidence is optional; with the name "
     "of a picture, write what the window shows instead.",
 )
-@board_options(of="all three files")
+@board_options()
 @outputs("taxels.csv and report.html", required=True)
 @retired(**NO_EFFORT, seed=NO_SEED)
 @prints(PatchResult)
 def wrap(files: PatchFiles, output: Outputs, window: str | Path | None) -> None:
-    """Lay a flat board on its link so that lengths hold and the anchors are where they were found.
+    """Lay a flat board on its link so that lengths hold, by anchors, by touches or by both.
+
+    Anchors and touches stay where they were found. Some wrong touches and dead taxels do little
+    harm, and the result names the taxels to touch next: run it again with those.
 
     Writes taxels.csv (metres, in the frame of the mesh, with covariances) and report.html. Where
     the status is not ok, only refused.html is written and the exit code is 3, unless --accept.
@@ -62,45 +70,19 @@ def wrap(files: PatchFiles, output: Outputs, window: str | Path | None) -> None:
 
     \b
     Example:  skinmap calibrate wrap --layout board.csv --mesh link.stl --anchors anchors.csv -o out
+              skinmap calibrate wrap --layout board.csv --mesh link.stl --touches t.csv -o out
               skinmap calibrate wrap --layout board.csv --mesh link.stl --window -o out
     """
-    if window is None:
-        if files.anchors is None:
-            raise click.UsageError("give --anchors FILE, or --window to click them")
-        _calibrate(files, output)
+    if window is not None:
+        if files.touches is not None:
+            raise click.UsageError("--window takes anchors; leave out --touches")
+        found = list(entry_points(group=WINDOWS, name="window"))
+        if not found:
+            raise click.UsageError("--window needs the viewer, which is not installed")
+        found[0].load()(files, output, None if window == HERE else window)
         return
-    found = list(entry_points(group=WINDOWS, name="window"))
-    if not found:
-        raise click.UsageError("--window needs the viewer, which is not installed")
-    found[0].load()(files, output, None if window == HERE else window)
-
-
-@click.command("touch")
-@click.option(
-    "--touches", "touches_file", type=FILE, required=True,
-    help="CSV `touch,x,y,z,channel,value[,sigma]`, a row for each channel that felt a touch.",
-)  # fmt: skip
-@click.option(
-    "--anchors", "anchors_file", type=FILE, help="Known places: CSV `channel,x,y,z[,sigma]`."
-)
-@board_options()
-@outputs("taxels.csv and report.html", required=True)
-@retired(**NO_EFFORT, seed=NO_SEED)
-@prints(PatchResult)
-def touch(files: PatchFiles, output: Outputs) -> None:
-    """Lay a flat board on its link so that lengths hold and touches are where the probe was.
-
-    Some wrong touches and dead taxels do little harm. Says which taxels to touch next: run it
-    again with those. Where the status is not ok, only refused.html is written and the exit code
-    is 3, unless --accept.
-
-    \b
-    Example:  skinmap calibrate touch --layout board.csv --mesh link.stl --touches t.csv -o out
-    """
-    _calibrate(files, output)
-
-
-def _calibrate(files: PatchFiles, output: Outputs) -> None:
+    if files.anchors is None and files.touches is None:
+        raise click.UsageError("give --anchors or --touches, or --window to click anchors")
     from calibration.commands.patch_task import PatchTask, patch_lines
 
     with progress(1, "calibrate") as advance:

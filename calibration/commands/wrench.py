@@ -6,13 +6,13 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from calibration.commands.calibration_options import FILE, NO_LOSS, NO_SEED, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Spread, judged
-from skinmap.commands.options import Number, prints, units_option
+from skinmap.commands.options import prints, units_option
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
 
@@ -68,32 +68,23 @@ class PlacedPatch:
 @click.command("wrench")
 @click.argument("touches", type=FILE)
 @units_option("the file; moments are newton times this unit")
-@click.option(
-    "--point-mm", type=Number(0.0, 1000.0, min_open=True), default=3.0, show_default=True,
-    help="Error of the pressed place.",
-)  # fmt: skip
-@click.option(
-    "--moment-mnm", type=Number(0.0, 1e6, min_open=True), default=5.0, show_default=True,
-    help="Error of a moment [mN m].",
-)  # fmt: skip
-@click.option("--taxels", type=FILE, help="Taxels of the patch: CSV `channel,x,y,z`.")
 @outputs("the mount, taxels and the report")
-@retired(loss=NO_LOSS, seed=NO_SEED, profile=NO_PROFILE)
+@retired(
+    point_mm="points are taken to be 3 mm off; fit_wrench(point_sigma=...) in Python",
+    moment_mnm="moments are taken to be 5 mN m off; fit_wrench(moment_sigma=...) in Python",
+    taxels="give an .npz with an array taxels (n, 3)",
+    loss=NO_LOSS,
+    seed=NO_SEED,
+    profile=NO_PROFILE,
+)
 @prints(WrenchResult)
-def wrench(
-    touches: Path,
-    units: str,
-    point_mm: float,
-    moment_mnm: float,
-    taxels: Path | None,
-    output: Outputs,
-) -> None:
+def wrench(touches: Path, units: str, output: Outputs) -> None:
     """The mount of a rigid patch from the lines of the forces that a force/torque sensor felt.
 
     TOUCHES is an .npz file with `points (m, 3)` (middle of the active taxels, in the frame of the
     patch), `frames (m, 4, 4)` (link in the sensor's frame), `forces (m, 3)` [N], `moments (m, 3)`
     [N m], and perhaps `taxels (n, 3)` of the patch; or a CSV `touch,x,y,z,fx,fy,fz,mx,my,mz`, with
-    `t11` to `t34` (rows of the frame) where the link moves. Without taxels no table is written.
+    `t11` to `t34` (rows of the frame) where the link moves. Without `taxels` no table is written.
 
     \b
     Example:  skinmap calibrate wrench touches.npz -o out
@@ -101,10 +92,9 @@ def wrench(
     from calibration.files.mount_files import read_wrenches
     from skinmap.io.units import UNITS
 
-    how = {"point_sigma": 1e-3 * point_mm, "moment_sigma": 1e-3 * moment_mnm}
     with progress(1, "calibrate") as advance:
         advance("wrenches")
-        result, placed = work(read_wrenches(touches, UNITS[units], taxels), how)
+        result, placed = work(read_wrenches(touches, UNITS[units]))
     name = touches.stem
     output.finish(
         result,
@@ -114,11 +104,11 @@ def wrench(
     )
 
 
-def work(touches: WrenchTouches, how: dict[str, Any]) -> tuple[WrenchResult, PlacedPatch]:
+def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
     """Fit a mount to lines of force, and judge it."""
     import numpy as np
 
-    from calibration.mount.mount_wrench import fit_wrench, held_out_error
+    from calibration.mount.mount_wrench import POINT_SIGMA, fit_wrench, held_out_error
     from calibration.mount.rigid_mount import point_covariance
     from calibration.patch.patch_status import weak_direction
     from skinmap.geometry.proximity import median_spacing
@@ -126,13 +116,13 @@ def work(touches: WrenchTouches, how: dict[str, Any]) -> tuple[WrenchResult, Pla
 
     given = touches.points, touches.frames, touches.forces, touches.moments
     start = time.process_time()
-    fit = fit_wrench(*given, **how)
-    held_out = held_out_error(*given, np.random.default_rng(0), **how)
+    fit = fit_wrench(*given)
+    held_out = held_out_error(*given, np.random.default_rng(0))
     seconds = time.process_time() - start
     skin = touches.points if touches.taxels is None else touches.taxels
     covariance = point_covariance(fit.mount, skin, fit.covariance)
     sd = np.sqrt(np.einsum("nii->n", covariance))
-    half = how["point_sigma"]
+    half = POINT_SIGMA
     if touches.taxels is not None:
         half = median_spacing(skin[np.isfinite(skin).all(axis=1)]) / 2
     reasons = []
@@ -158,6 +148,8 @@ def work(touches: WrenchTouches, how: dict[str, Any]) -> tuple[WrenchResult, Pla
 
 
 def _write(name: str, placed: PlacedPatch, folder: Path) -> list[str]:
+    import numpy as np
+
     from calibration.files.mount_files import write_mounts
     from calibration.files.tables import write_taxels
     from skinmap.geometry.rigid import transform_points
@@ -166,8 +158,8 @@ def _write(name: str, placed: PlacedPatch, folder: Path) -> list[str]:
     if placed.touches.taxels is None:
         return files
     taxels = transform_points(placed.fit.mount, placed.touches.taxels)
-    channels, table = placed.touches.channels, folder / "taxels.csv"
-    return [*files, write_taxels(channels, taxels, placed.covariance, table)]
+    channels = np.arange(len(taxels))
+    return [*files, write_taxels(channels, taxels, placed.covariance, folder / "taxels.csv")]
 
 
 def _page(name: str, placed: PlacedPatch, result: WrenchResult) -> str:

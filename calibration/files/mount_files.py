@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.files.tables import read_numbers, read_placed, read_table
+from calibration.files.tables import read_numbers, read_table
 from skinmap.archive import open_arrays, quiet_headers
 from skinmap.arrays import FloatArray, IntArray, check_whole
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError
@@ -23,14 +23,13 @@ FRAME = tuple(f"t{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3, 4))
 
 @dataclass(frozen=True, eq=False, slots=True)
 class WrenchTouches:
-    """Touches with wrenches; taxels (n, 3) of the patch where there are any, and their channels."""
+    """Touches with wrenches; taxels (n, 3) of the patch where there are any."""
 
     points: FloatArray
     frames: FloatArray
     forces: FloatArray
     moments: FloatArray
     taxels: FloatArray | None
-    channels: IntArray
 
 
 def read_arrays(path: Path, expected: str) -> dict[str, NDArray[Any]]:
@@ -78,8 +77,8 @@ def active_by_event(arrays: Mapping[str, NDArray[Any]], name: str, m: int) -> li
     return np.split(ids, bounds[1:-1])
 
 
-def read_wrenches(path: Path, unit: float = 1.0, taxels: Path | None = None) -> WrenchTouches:
-    """Touches with wrenches from an `.npz` or `.csv` file, taxels from a table of their own or it.
+def read_wrenches(path: Path, unit: float = 1.0) -> WrenchTouches:
+    """Touches with wrenches from an `.npz` or `.csv` file.
 
     `.npz`: arrays `points (m, 3)`, `frames (m, 4, 4)`, `forces`, `moments`, and perhaps `taxels
     (n, 3)`. `.csv`: columns `touch,x,y,z,fx,fy,fz,mx,my,mz`, and where the link moves before its
@@ -93,16 +92,13 @@ def read_wrenches(path: Path, unit: float = 1.0, taxels: Path | None = None) -> 
     """
     found = _wrench_rows(path) if path.suffix.lower() == ".csv" else _wrench_arrays(path)
     found["frames"][..., :3, 3] *= unit
-    own, channels = found.get("taxels"), None
-    if taxels is not None:
-        channels, own, _ = read_placed(taxels)
+    own = found.get("taxels")
     return WrenchTouches(
         found["points"] * unit,
         found["frames"],
         found["forces"],
         found["moments"] * unit,
         None if own is None else own * unit,
-        np.arange(0 if own is None else len(own)) if channels is None else channels,
     )
 
 
@@ -174,6 +170,20 @@ def rate_of(arrays: Mapping[str, NDArray[Any]], path: Path) -> float | None:
     if len(rate) != 1 or not (np.isfinite(rate[0]) and rate[0] > 0):
         raise DataFormatError("`rate` must be one number above 0, and `times` must rise [s]", path)
     return float(rate[0])
+
+
+def sign_of(arrays: Mapping[str, NDArray[Any]], path: Path) -> int:
+    """1, or -1 where the array `sign` says that harder presses read lower.
+
+    Raises
+    ------
+    DataFormatError
+        Another sign.
+    """
+    sign = np.asarray(arrays.get("sign", 1)).ravel().tolist()
+    if sign not in ([1], [-1]):
+        raise DataFormatError(f"`sign` must be 1 or -1, got {str(sign)[:60]}", path)
+    return int(sign[0])
 
 
 def _need(arrays: dict[str, NDArray[Any]], names: tuple[str, ...], path: Path) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from calibration.files.probe_file import Probe
 from calibration.files.self_touch_files import (
+    Probe,
     SelfTouchData,
     TouchFile,
     check_angles,
@@ -116,7 +116,9 @@ def _side(name: str, robot: Robot, probes: Mapping[str, Probe], path: Path) -> s
     if len(on_link) == 1:
         return on_link[0]
     known = (*robot.parts, *probes)
-    raise UnknownNameError(f"part or probe (of {path.name}; --probes names probes)", name, known)
+    raise UnknownNameError(
+        f"part or probe (of {path.name}; probes.toml beside it names probes)", name, known
+    )
 
 
 def _check_ids(touched: Sequence[IntArray], robot: Robot, part: str, path: Path) -> None:

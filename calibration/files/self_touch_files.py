@@ -6,26 +6,135 @@ A file of events `NAME.npz` holds `chain1`, `chain2` (parts, or probes), `q (m, 
 (MCAP, or NPZ of `skinmap export`) become events here: while the same two parts are active a contact
 lasts. Its firmest sample stands for it; where the robot slides or rolls along itself, each few
 degrees of any joint begin another.
+
+Probes of self-touch: fingertips without taxels, and what they sit on (TOML).
+
+[[probe]]
+name = "right_finger"     # as recordings name it
+link = "r_hand"           # link of the robot that it sits on; or
+part = "right_hand"       # the part on whose link it sits
+tip_mm = [-120, -15, 10]  # where the tip is thought to be in that link, if at all
+radius_mm = 7             # how round it is, if that is known
+
+Parts of a robot without a URDF: chains from rows of Denavit and Hartenberg, beside recordings.
+
+`part_NAME.npz` of each chain with taxels holds `taxel_pos (n, 3)` [m] (NaN where an id has no
+taxel), `mount (6,)` (translation [m], rotation vector [rad]), `dh (k, 4)` (a, d, alpha, offset) and
+`joint_cols`, the columns of the recordings' angles. A probe has such a file of its own, or sits on
+the part that a file of probes names.
 """
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from calibration.files.mount_files import active_by_event, read_arrays
-from calibration.files.probe_file import BESIDE, Probe, read_probes
 from calibration.mount.chains import Chain, TouchRecording
-from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
+from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
 from skinmap.io.recordings.recorded_stream import RecordedStream
-from skinmap.io.text import is_file
+from skinmap.io.text import is_file, read_text
+from skinmap.skin.normals import NEIGHBOURS, patch_labels, repair_normals
+
+KEYS = ("name", "link", "part", "tip_mm", "radius_mm")
+BESIDE = "probes.toml"  # read from beside the recordings where no other is named
+MAX_MM = 5000.0  # of a tip in its link: more are other units
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Probe:
+    """A point of a robot that touches skin and feels nothing.
+
+    Attributes
+    ----------
+    name : str
+    link, part : str
+        Link that it sits on, or part on whose link it sits; one of them is empty.
+    tip : (3,) float or None
+        Where it is thought to be in that link [m].
+    radius : float
+        [m]; 0 where it is not known.
+    """
+
+    name: str
+    link: str = ""
+    part: str = ""
+    tip: FloatArray | None = None
+    radius: float = 0.0
+
+    @property
+    def mount(self) -> FloatArray:
+        """(4, 4) of the assumed tip; the identity where there is none."""
+        mount = np.eye(4)
+        if self.tip is not None:
+            mount[:3, 3] = self.tip
+        return mount
+
+
+def read_probes(path: Path) -> dict[str, Probe]:
+    """The probes of a file by their names.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or one that is no list of probes (names it, with the reason).
+    """
+    if not is_file(path):
+        raise MissingFileError(path, "a file of probes (.toml)")
+    try:
+        document = tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:
+        raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
+    entries = document.get("probe")
+    if set(document) - {"probe"} or not isinstance(entries, list):
+        raise DataFormatError(
+            f"a file of probes holds [[probe]] only, got {', '.join(document) or 'nothing'}", path
+        )
+    probes: dict[str, Probe] = {}
+    for number, entry in enumerate(entries, start=1):
+        probe = _probe(entry, f"[[probe]] number {number}", path)
+        if probe.name in probes:
+            raise DataFormatError(f"two probes are called {probe.name!r}", path)
+        probes[probe.name] = probe
+    return probes
+
+
+def _probe(entry: Any, what: str, path: Path) -> Probe:
+    if not isinstance(entry, dict) or (unknown := [key for key in entry if key not in KEYS]):
+        wrong = ", ".join(unknown) if isinstance(entry, dict) else repr(entry)
+        raise DataFormatError(f"{what}: unknown {wrong}; the keys are: {', '.join(KEYS)}", path)
+    words = {key: _word(entry, key, what, path) for key in ("name", "link", "part")}
+    if not words["name"]:
+        raise DataFormatError(f"{what} lacks 'name'", path)
+    if bool(words["link"]) == bool(words["part"]):
+        raise DataFormatError(f"probe {words['name']!r} needs either 'link' or 'part'", path)
+    try:
+        tip = check_finite(entry["tip_mm"], "tip_mm", (3,)) if "tip_mm" in entry else None
+        radius = float(check_finite([entry.get("radius_mm", 0.0)], "radius_mm", (1,))[0])
+    except InvalidArrayError as error:
+        raise DataFormatError(f"probe {words['name']!r}: {error}", path) from None
+    if not 0.0 <= radius <= MAX_MM or (tip is not None and np.abs(tip).max() > MAX_MM):
+        raise DataFormatError(
+            f"probe {words['name']!r}: lengths are millimetres, {MAX_MM:.0f} at most", path
+        )
+    return Probe(**words, tip=None if tip is None else 1e-3 * tip, radius=1e-3 * radius)
+
+
+def _word(entry: Mapping[str, Any], key: str, what: str, path: Path) -> str:
+    value = entry.get(key, "")
+    if not isinstance(value, str):
+        raise DataFormatError(f"{what}: {key} must be a text, got {value!r}", path)
+    return value
+
 
 PART = "part_"
 SUFFIXES = (".npz", ".mcap")
@@ -337,3 +446,98 @@ def _channels(track: RecordedStream, part: str, values: NDArray[np.generic]) -> 
     dense = table is not None and len(table.channels) == own.shape[1]
     names = table.channels if table is not None and dense else np.arange(own.shape[1])
     return [np.asarray(names[np.flatnonzero(row > ACTIVE)], np.int64) for row in own]
+
+
+NOTHING = np.zeros((0, 3))
+
+
+def load_part_touches(paths: Sequence[Path]) -> SelfTouchData:
+    """Recordings from files, or all of a folder, with the parts that lie beside them.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        A file that does not exist, or does not follow the format (names what it lacks).
+    """
+    files = touch_files(paths)
+    probes = find_probes(None, files)
+    recordings, chains, links = [], dict[str, Chain](), dict[str, str]()
+    joints: tuple[str, ...] = ()
+    for file in files:
+        found, _ = read_touches(file, probes)
+        for one in found:
+            if joints and one.joints and one.joints != joints:
+                raise DataFormatError("joint_names differ from those of the files before", file)
+            joints = joints or one.joints
+            recordings.append(one.touches)
+            for name, touched in zip(one.touches.chains, one.touches.touched, strict=True):
+                if name in chains:
+                    continue
+                on = name if touched is not None else _arm(file, name, probes)
+                chains[name] = _part(file.parent, on)
+                links[name] = on
+                if touched is None:
+                    chains[name] = _as_probe(chains[name], name, probes.get(name))
+    return SelfTouchData(recordings, chains, joints, links=links)
+
+
+def _arm(file: Path, name: str, probes: Mapping[str, Probe]) -> str:
+    """The part whose chain a probe ends."""
+    if (file.parent / f"{PART}{name}.npz").is_file():
+        return name
+    if name in probes and probes[name].part:
+        return probes[name].part
+    if name in probes:
+        raise DataFormatError(
+            f"probe {name!r} sits on a link, which needs --robot; without a robot, give the 'part'",
+            file,
+        )
+    there = sorted(path.stem.removeprefix(PART) for path in file.parent.glob(f"{PART}*.npz"))
+    raise DataFormatError(
+        f"no taxels of {name!r}, and its link is unknown; name it in {BESIDE} beside it: "
+        f'[[probe]] name = "{name}", part = one of: '
+        f"{', '.join(there) or 'none, so name the --robot'}",
+        file,
+    )
+
+
+def _as_probe(part: Chain, name: str, probe: Probe | None) -> Chain:
+    own = probe or Probe(name)
+    return replace(
+        part, name=name, mount=own.mount, taxels=NOTHING, normals=NOTHING, radius=own.radius
+    )
+
+
+def _part(folder: Path, name: str) -> Chain:
+    path = folder / f"{PART}{name}.npz"
+    if not path.is_file():
+        raise MissingFileError(
+            path, f"the part that carries the taxels of {name!r}; or name the --robot"
+        )
+    arrays = read_arrays(path, f"the part that carries the taxels of {name!r}")
+    try:
+        mount = np.eye(4)
+        placed = check_finite(arrays["mount"], "mount", (6,))
+        mount[:3, 3] = placed[:3]
+        mount[:3, :3] = Rotation.from_rotvec(placed[3:]).as_matrix()
+        joints = check_whole(arrays["joint_cols"], "joint_cols")
+        taxels = arrays["taxel_pos"]
+        plain = Chain.from_dh(name, arrays["dh"], joints, mount, taxels)
+        return replace(plain, normals=bulging_normals(plain.taxels))
+    except KeyError as error:
+        raise DataFormatError(f"a part lacks {error}", path) from error
+    except ValueError as error:
+        raise DataFormatError(str(error), path) from error
+
+
+def bulging_normals(taxels: FloatArray) -> FloatArray:
+    """(n, 3) normals of sheets that bulge outwards, as covers of robots do; NaN for no taxel."""
+    normals = np.full(taxels.shape, np.nan)
+    known = np.isfinite(taxels).all(axis=1)
+    points = taxels[known]
+    if len(points) <= NEIGHBOURS:
+        return NOTHING
+    labels = patch_labels(points)
+    middles = np.stack([points[labels == label].mean(axis=0) for label in np.unique(labels)])
+    normals[known] = repair_normals(points, None, points - middles[labels])
+    return normals

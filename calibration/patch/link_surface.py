@@ -13,8 +13,7 @@ from scipy.sparse import csr_array
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.disk_cache import Arrays, Ingredient, cached
-from skinmap.geometry.distances import edge_graph
-from skinmap.geometry.proximity import closest_on_mesh
+from skinmap.geometry.proximity import closest_on_mesh, edge_graph
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import face_normals, unit, vertex_normals
 from skinmap.imports import import_meshlab

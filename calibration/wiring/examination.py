@@ -265,7 +265,7 @@ def examine_recording(
         Places that do not belong to it.
     """
     from skinmap.live.sources.open_recording import open_track
-    from skinmap.live.sources.skins import check_skin
+    from skinmap.live.sources.source import check_skin
 
     track = open_track(path, robot=robot)
     for part in parts:
@@ -397,7 +397,7 @@ def examine_live(source: Source, robot: Robot, parts: Sequence[str], plan: Plan)
     InvalidArrayError
         A stream that ends, or sends no numbers at all.
     """
-    from skinmap.live.sources.skins import check_skin
+    from skinmap.live.sources.source import check_skin
 
     info = source.info
     there = tuple(parts) or tuple(part for part in info.parts if part in robot.parts)

@@ -21,7 +21,7 @@ from calibration.wiring.answer_model import THRESHOLD, tangents
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, OutputError
 from skinmap.io.output import staged_file
-from skinmap.report.image import plain_figure, save_figure
+from skinmap.report.page import plain_figure, save_figure
 
 if TYPE_CHECKING:
     from calibration.wiring.boards import Boards

@@ -31,9 +31,8 @@ from calibration.wiring.answer_model import (
 from calibration.wiring.boards import Boards, Wiring, conjugate
 from calibration.wiring.faults import Fault, Hypotheses
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.distances import bridged_graph
 from skinmap.geometry.log_map import log_map
-from skinmap.geometry.proximity import nearest_first
+from skinmap.geometry.proximity import bridged_graph, nearest_first
 from skinmap.geometry.triangles import pair_lengths, unit
 
 ACROSS = 14e-3  # taxels of two modules so near have a place between them [m]

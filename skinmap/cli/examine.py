@@ -22,7 +22,7 @@ MOST = 3  # stretches of rows in a line
 @click.command("examine")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...",
                 type=click.Path(path_type=Path))  # fmt: skip
-@click.option("--robot", metavar="ROBOT", help="Skin of recordings that do not name theirs.")
+@click.option("--robot", metavar="ROBOT", help="Robot of recordings that do not name theirs.")
 @out_folder("a page with pictures")
 @file_option("--mend", Written(".npz"), "Mended copy of one recording: an NPZ.")
 @prints(Examined)

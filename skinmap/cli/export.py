@@ -701,7 +701,7 @@ def _recording_lines(result: ExportedRecording) -> Iterator[str]:
 
 def _table(robot: str, parts: tuple[str, ...], unrepaired: bool) -> tuple[str, str, TaxelTable]:
     """Names of the robot and the part, and the taxels."""
-    from skinmap.io.taxels.taxel_readers import SUFFIXES, read_taxels, readers
+    from skinmap.io.taxels.taxel_table import SUFFIXES, read_taxels, readers
 
     read_as, colon, file = robot.partition(":")
     if not colon or read_as not in readers.names():

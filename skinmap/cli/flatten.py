@@ -118,7 +118,7 @@ class Laid:
     "Write the maps at their true size on A4, with the channel of each taxel; more pages than one "
     "of SVG or DXF are FILE-1, FILE-2, ...",
 )
-@workers_options
+@workers_options(resume=False)
 @profile_option("flatten", beside=KNOBS)
 @retired(
     max_seconds=IN_PROFILE.format("max_seconds = 2.0"),
@@ -156,7 +156,7 @@ def command(
               skinmap flatten skin.json --compare theirs
               skinmap flatten icub --part left_forearm --sheet sheet.pdf
               skinmap flatten sleeve.toml --seam contacts:touches.npz --out maps
-              skinmap flatten scans/*.stl --jobs 4 --resume scans.resume --json
+              skinmap flatten scans/*.stl --jobs 4 --json
     """
     if sheet is not None and not sheet.parent.is_dir():
         raise OutputError(f"cannot write {str(sheet)!r}: no folder {str(sheet.parent)!r}")
@@ -326,7 +326,7 @@ def write_files(
     from skinmap.flat.face_metrics import face_metric
     from skinmap.io.flat_maps.seam_files import write_flat_obj
     from skinmap.report.flat_figures import comparison_figure, part_figure
-    from skinmap.report.image import save_figure
+    from skinmap.report.page import save_figure
 
     metric = face_metric(result.metric)
     stems = file_stems(laid)
@@ -348,8 +348,7 @@ def write_files(
 def report_page(result: FlattenResult, laid: Mapping[str, Laid], stage: Path) -> str:
     """The page, with the pictures that were written."""
     from skinmap.flat.face_metrics import face_metric
-    from skinmap.report.image import media
-    from skinmap.report.page import heading, note, page
+    from skinmap.report.page import heading, media, note, page
 
     metric, stems = face_metric(result.metric), file_stems(laid)
     words = (

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from skinmap.io.recordings.recorded_stream import RecordedStream
     from skinmap.skin.robot import Robot
 
+TABLE = ".csv"  # of touches, to edit elsewhere
 PAGES = "skinmap.label_pages"  # entry points: (marks, stream, robot, name) -> marks, or None
 
 
@@ -53,25 +54,25 @@ class LabelResult:
 
 @click.command("label")
 @click.argument("recording", type=click.Path(path_type=Path))
-@out_file("New recording (.mcap or .npz); never the old one.", guarded=False)
-@click.option(
-    "--csv", "table", type=click.Path(path_type=Path), help="Read the touches from this CSV."
-)
-@click.option(
-    "--write-csv", type=click.Path(path_type=Path, dir_okay=False),
-    help="Write the touches as CSV, to edit and give back with --csv.",
+@click.argument("table", required=False, metavar="[TOUCHES.csv]", type=click.Path(path_type=Path))
+@out_file(
+    "New recording (.mcap or .npz), or its touches (.csv), to edit and to give back.",
+    required=True, guarded=False,
 )  # fmt: skip
 @click.option("--web", is_flag=True, help="Step through the touches in the browser.")
 @click.option("--find", is_flag=True, help="Find the touches again and ignore the marks.")
 @click.option("--name", metavar="LABEL", help="Name of all touches without one.")
 @robot_option
-@retired(profile=NO_PROFILE)
+@retired(
+    profile=NO_PROFILE,
+    csv="name it behind the recording: skinmap label REC.mcap TOUCHES.csv -o NEW.mcap",
+    write_csv="write -o TOUCHES.csv",
+)
 @prints(LabelResult)
 def command(
     recording: Path,
-    output: Path | None,
     table: Path | None,
-    write_csv: Path | None,
+    output: Path,
     web: bool,
     find: bool,
     name: str | None,
@@ -86,15 +87,15 @@ def command(
 
     \b
     Example:  skinmap label touch.mcap -o named.mcap
-              skinmap label touch.mcap --write-csv touches.csv
-              skinmap label touch.mcap --csv touches.csv -o named.mcap
+              skinmap label touch.mcap -o touches.csv
+              skinmap label touch.mcap touches.csv -o named.mcap
     """
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.marks import Marks, marks_csv, read_marks
     from skinmap.live.sources.open_recording import open_track
     from skinmap.touch.touch_labels import RESERVED, UNNAMED, check_label
 
-    _check(recording, output, write_csv, changes=web or table is not None)
+    _check(recording, output, changes=web or table is not None)
     label = None if name is None else check_label(name)
     loaded = open_robot(robot, ())[0]
     track = open_track(recording, robot=loaded)
@@ -104,12 +105,7 @@ def command(
     found = len(marks) if finding else 0
     if table is not None:
         marks = read_marks(table, marks, track.times, track.parts)
-    files = []
-    if write_csv is not None:
-        with staged_file(write_csv) as stage:
-            stage.write_text(marks_csv(marks, track.times), encoding="utf-8")
-        files.append(str(write_csv))
-    elif table is None:
+    if output.suffix.lower() != TABLE and table is None:
         edit = _page() if web else by_keys
         marks = edit(marks, track, loaded, recording.name)
     if label is not None:
@@ -119,40 +115,39 @@ def command(
             )
         )
     named = Marks(tuple(one for one in marks.touches if one.label not in RESERVED))
-    if output is not None:
+    if output.suffix.lower() == TABLE:
+        with staged_file(output) as stage:
+            stage.write_text(marks_csv(marks, track.times), encoding="utf-8")
+    else:
         write_marked_recording(recording, output, named, loaded)
-        files.append(str(output))
     result = LabelResult(
         before=len(before),
         found=found,
         touches=dict(sorted(Counter(one.label for one in named.touches).items())),
         stuck=len(track.touches) - len(before),
         unnamed=len(marks) - len(named),
-        files=files,
+        files=[str(output)],
     )
     present(result, _lines, as_json=as_json)
 
 
-def _check(recording: Path, output: Path | None, write_csv: Path | None, *, changes: bool) -> None:
-    """Refuse to write over the recording, over a file that is there, or nowhere at all."""
+def _check(recording: Path, output: Path, *, changes: bool) -> None:
+    """Refuse to write over the recording or over a file that is there."""
     from skinmap.commands.overwriting import protect
     from skinmap.errors import MissingFileError, OutputError
     from skinmap.io.recordings.touch_files import check_suffix
 
     if not recording.exists():
         raise MissingFileError(recording, "a recording")
-    if output is None and write_csv is None:
-        raise click.UsageError("name the new recording: -o NEW.mcap, or --write-csv FILE")
-    if write_csv is not None and changes:
-        raise click.UsageError("--write-csv writes the marks; --csv and --web change them")
-    if output is not None:
+    if output.suffix.lower() != TABLE:
         check_suffix(output)
-    for path in (output, write_csv):
-        if path is None:
-            continue
-        if path.exists() and path.samefile(recording):
-            raise OutputError(f"cannot write {str(path)!r}: it is the recording; name a new file")
-        protect(path, data=True)
+    elif changes:
+        raise click.UsageError(
+            "-o TOUCHES.csv writes what is marked; a table and --web change it: -o NEW.mcap"
+        )
+    if output.exists() and output.samefile(recording):
+        raise OutputError(f"cannot write {str(output)!r}: it is the recording; name a new file")
+    protect(output, data=True)
 
 
 def _felt(marks: Marks, path: Path, robot: Robot) -> Marks:

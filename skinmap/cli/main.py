@@ -10,12 +10,13 @@ import sys
 import traceback
 import warnings
 from importlib.metadata import entry_points
+from types import MappingProxyType
 
 import click
 
 from skinmap import __version__
 from skinmap.commands.progress import QUIET
-from skinmap.commands.retired import NamedGroup
+from skinmap.commands.retired import NamedGroup, retired
 from skinmap.errors import SkinError
 from skinmap.interrupts import TerminatedError, interruptible
 from skinmap.report.table import visible
@@ -54,7 +55,6 @@ COMMANDS = {
     "info": ("skinmap.cli.info", "Describe a recording, or the installation."),
     "classify": ("skinmap.cli.classify.command", "Name the touches of a recording, or live."),
     "list": ("skinmap.cli.listing", "Names of robots, parts, classifiers and layers."),
-    "cache": ("skinmap.cli.cache", "What is kept between runs, and dropping it."),
 }
 GROUP = "skinmap.commands"
 OLD_NAMES = {"wiring": "checkup"}  # that answer for one release, and are not listed
@@ -67,6 +67,10 @@ SAID: dict[int, tuple[str, int]] = {
 
 class LazyGroup(NamedGroup):
     """Built-in commands by module, those of other packages by entry point."""
+
+    removed = MappingProxyType(
+        {"cache": "skinmap info shows its folder; nothing is lost where that is deleted"}
+    )
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """All names, the demo first: it is where people start."""
@@ -98,25 +102,25 @@ class LazyGroup(NamedGroup):
 
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="skinmap")
-@click.option("--debug", is_flag=True, help="Show the traceback of an error.")
+@click.option(
+    "--debug", is_flag=True, help="Say what is done, on standard error, and show tracebacks."
+)
 @click.option("--quiet", is_flag=True, help="No warnings and no progress.")
-@click.option("--verbose", is_flag=True, help="Report progress on standard error.")
+@retired(verbose="write --debug")
 @click.pass_context
-def cli(ctx: click.Context, debug: bool, quiet: bool, verbose: bool) -> None:
+def cli(ctx: click.Context, debug: bool, quiet: bool) -> None:
     """From a robot's meshes and taxel positions to named touches on its skin.
 
     Start with:  skinmap demo
     """
-    if quiet and verbose:
-        raise click.UsageError("--quiet and --verbose contradict each other; give one")
     ctx.obj = {"debug": debug, QUIET: quiet}
     if quiet:
         warnings.showwarning = lambda *_, **__: None
     logging.basicConfig(
-        level=logging.DEBUG if verbose else logging.ERROR if quiet else logging.WARNING,
+        level=logging.ERROR if quiet else logging.WARNING,
         format="%(levelname)s %(name)s: %(message)s",
     )
-    if verbose:  # of ours alone: libraries tell too much
+    if debug:  # of ours alone: libraries tell too much
         logging.getLogger().setLevel(logging.WARNING)
         for package in ("skinmap", "calibration", "viewer"):
             logging.getLogger(package).setLevel(logging.DEBUG)

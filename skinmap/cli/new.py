@@ -151,7 +151,7 @@ def work(
     from skinmap.errors import UnknownNameError
     from skinmap.io.robots.new_manifest import NewPart, part_names, write_manifest
     from skinmap.io.robots.urdf import UrdfBody, read_urdf
-    from skinmap.io.taxels.taxel_readers import read_taxels
+    from skinmap.io.taxels.taxel_table import read_taxels
     from skinmap.skin.robot import Robot
 
     _check(urdf, files, links, output)

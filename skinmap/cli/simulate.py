@@ -14,7 +14,6 @@ import click
 from click.core import ParameterSource
 
 from skinmap.commands.options import (
-    MAX_TOUCHES,
     Number,
     Whole,
     open_robot,
@@ -28,9 +27,8 @@ from skinmap.commands.options import (
     seed_option,
 )
 from skinmap.commands.overwriting import protect
-from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import retired
+from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.errors import SkinWarning
 from skinmap.report.present import present
 
@@ -44,6 +42,7 @@ SENSING: dict[str, click.ParamType[Any]] = {
     "compression": Number(0.0, 10.0), "cross-talk": SHARE, "gain-spread": Number(0.0, 10.0),
     "foam-mm": Number(0.0, 1000.0, min_open=True), "saturation": COUNTS,
     "bits": Whole(1, 8), "rate": Number(0.0, 10_000.0, min_open=True),
+    "raw": click.BOOL,  # values of a stream as sensors send them, 240 at rest
 }  # fmt: skip
 
 
@@ -179,13 +178,6 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     "strokes, pats, taps, rubs and more, with their true motion. With pairs, two of them at once.",
 )
 @click.option(
-    "--subjects",
-    type=Whole(1, MAX_TOUCHES),
-    default=10,
-    show_default=True,
-    help="Number of simulated people, each with a hand size and habits.",
-)
-@click.option(
     "--physics",
     metavar="ours|mujoco[:VARIANT]",
     default="ours",
@@ -211,17 +203,18 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     help=f"Fault of the sensors, instead of a random one; may be repeated. {', '.join(SENSING)}.",
 )
 @retired(
+    profile=NO_PROFILE,
+    subjects="ten people touch; skinmap.simulate(skin, subjects=N) in Python",
+    raw="write --fault raw=yes",
     variant="write --physics mujoco:VARIANT",
     pairs="write --gesture pairs, and their number as --per-gesture",
     places="from Python: skinmap.simulate(skin, places='habitual')",
-    **{name.replace("-", "_"): f"write --fault {name}=VALUE" for name in SENSING},
+    **{name.replace("-", "_"): f"write --fault {name}=VALUE" for name in SENSING if name != "raw"},
 )
 @out_file("Recording to write: .npz or .mcap.", default="touches.npz", guarded=False)
 @publish_option("endless touches instead of recording them")
 @seconds_option("Stop after this time [s]; with --publish only.")
-@click.option("--raw", is_flag=True, help="Stream raw values, 240 at rest, instead of pressures.")
 @seed_option
-@profile_option("fidelity")
 @prints(SimulateResult, StreamResult)
 def command(
     robot: str,
@@ -232,10 +225,8 @@ def command(
     output: Path,
     publish: str | None,
     seconds: float | None,
-    raw: bool,
     seed: int,
     as_json: bool,
-    subjects: int,
     variety: str,
     faults: dict[str, Any],
 ) -> None:
@@ -246,7 +237,7 @@ def command(
 
     \b
     Example:  skinmap simulate icub --part torso --per-gesture 30 -o torso.npz
-              skinmap simulate icub --gesture eight --subjects 20 --fault dead=0.02 -o touches.npz
+              skinmap simulate icub --gesture eight --fault dead=0.02 -o touches.npz
               skinmap simulate icub --variety none -o clean.npz
               skinmap simulate icub --part torso --gesture pairs --per-gesture 50 -o pairs.npz
               skinmap simulate icub --physics mujoco:flesh -o flesh.npz
@@ -259,11 +250,12 @@ def command(
     gestures = tuple(one for one in gestures if one != PAIRS)
     if paired and (mujoco or publish is not None):
         raise click.UsageError("pairs are of our own simulator, and recorded: leave out pairs")
+    raw = bool(faults.pop("raw", False))
     given = {name.replace("-", "_"): value for name, value in faults.items()}
     if "foam_mm" in given:
         given["foam"] = given.pop("foam_mm") / 1e3
     if publish is not None:
-        _refuse_given("per_gesture", "output", "subjects", "physics")
+        _refuse_given("per_gesture", "output", "physics")
         streamed = publish_touches(
             robot, parts, publish, gestures=gestures, seconds=seconds, raw=raw, seed=seed,
             variety=number, sensing=given,
@@ -271,7 +263,7 @@ def command(
         present(streamed, _stream_lines, as_json=as_json)
         return
     if seconds is not None or raw:
-        raise click.UsageError("--seconds and --raw are for streams: add --publish")
+        raise click.UsageError("--seconds and --fault raw are for streams: add --publish")
     if mujoco:
         why = "--physics mujoco has its own; leave out"
         _refuse_given("variety", why=why)
@@ -280,7 +272,7 @@ def command(
     protect(output)
     result = work(
         robot, parts, output, per_gesture=per_gesture, gestures=gestures, paired=paired, seed=seed,
-        subjects=subjects, variety=number, sensing=given, variant=physics[1] if mujoco else None,
+        variety=number, sensing=given, variant=physics[1] if mujoco else None,
     )  # fmt: skip
     asked = 0 if paired else per_gesture
     present(result, lambda one: _lines(one, asked), as_json=as_json)
@@ -294,7 +286,6 @@ def work(
     per_gesture: int,
     gestures: tuple[str, ...],
     paired: bool,
-    subjects: int,
     variety: float,
     sensing: Mapping[str, Any],
     variant: str | None = None,
@@ -315,7 +306,7 @@ def work(
     loaded, names = open_robot(robot, parts)
     wanted = gesture_set(gestures)
     check_gestures(wanted)
-    shared: dict[str, Any] = {"gestures": wanted, "subjects": subjects}
+    shared: dict[str, Any] = {"gestures": wanted}
     steps = len(names) * per_gesture * (1 if paired else len(wanted))
     recordings = []
     with staged_file(output) as stage, progress(steps, "simulating") as advance:

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 Distance = Literal["euclidean", "geodesic"]
 TOLERANCE_MM = 1.5  # how far neighbours may stray
 IN_PROFILE = "write {} in the table [classify] of a profile (docs/trade.md)"
+ROTATIONS = 6  # structures may turn by pi/3; 4, by quarters: square grids; 1, not at all
 RARE = 5  # structures with fewer members say little about the lattice
 
 
@@ -115,16 +116,10 @@ class StructuresResult:
     show_default=True,
     help="Radius of a neighbourhood, or auto: between two rings of the lattice, near 8 mm.",
 )
-@click.option(
-    "--rotations",
-    type=click.Choice(["1", "4", "6"]),
-    default="6",
-    show_default=True,
-    help="Order of the rotations that match structures: 6 (by pi/3) or 4 (square grids).",
-)
 @out_option
-@profile_option("classify", beside=("tolerance_mm", "distance"))
+@profile_option("classify", beside=("tolerance_mm", "rotations", "distance"))
 @retired(
+    rotations=IN_PROFILE.format("rotations = 4"),
     tolerance_mm=IN_PROFILE.format("tolerance_mm = 1.5"),
     distance=IN_PROFILE.format('distance = "geodesic"'),
 )
@@ -134,24 +129,24 @@ def command(
     parts: tuple[str, ...],
     radius_mm: str,
     tolerance_mm: float | None,
-    rotations: str,
+    rotations: int | None,
     distance: Distance | None,
     out: Path | None,
     as_json: bool,
 ) -> None:
-    """Find the neighbourhood shapes that repeat over all parts asked for.
+    """Find the neighbourhood shapes that repeat over all parts asked for, turned by pi/3 or not.
 
     With --out two pictures: the structures, and under each of them its codewords of simulated
     touches with the word that each taxel votes for.
 
     \b
-    Example:  skinmap structures icub --part right_leg_upper --rotations 6 --out pictures
+    Example:  skinmap structures icub --part right_leg_upper --out pictures
     """
     wanted = read_radius(radius_mm)
     loaded, names = open_robot(robot, parts)
     tolerance = 1e-3 * (tolerance_mm or TOLERANCE_MM)
     result, skins, found = work(
-        loaded, names, wanted, tolerance, int(rotations), distance or "euclidean"
+        loaded, names, wanted, tolerance, rotations or ROTATIONS, distance or "euclidean"
     )
 
     def write(stage: Path) -> Iterator[str]:
@@ -186,8 +181,7 @@ def work(
     rotations : int
     distance : {"euclidean", "geodesic"}
     """
-    from skinmap.neighbours.offsets import LATTICE, concatenate
-    from skinmap.neighbours.radius import auto_radius
+    from skinmap.neighbours.offsets import LATTICE, auto_radius, concatenate
     from skinmap.neighbours.structures import RADIUS, find_structures
     from skinmap.touch.prepared_skin import PreparedSkin
 

@@ -20,14 +20,13 @@ from skinmap.commands.options import (
     part_option,
     prints,
 )
-from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import retired
 from skinmap.profile import FORMAT, PROFILE, Value
 from skinmap.report.present import present
 from skinmap.report.result import significant
 from skinmap.report.table import Table
-from skinmap.trade.measured import Point, Recommended, TaskRow, TradeResult, Unmeasured, describe
+from skinmap.trade.measuring import Point, Recommended, TaskRow, TradeResult, Unmeasured, describe
 from skinmap.trade.task import defaults, tasks
 
 if TYPE_CHECKING:
@@ -47,7 +46,7 @@ ALL = "all"
     multiple=True,
     default=(ALL,),
     show_default=True,
-    help="Task to measure: flatten, classify, fidelity, a plug-in, or all.",
+    help="Task to measure: flatten, classify, a plug-in, or all.",
 )
 @click.option(
     "--max-ms",
@@ -90,8 +89,6 @@ def command(
     Example:  skinmap trade icub --part right_forearm --out trade
               skinmap trade icub --part torso --task flatten --max-ms 20 --json
     """
-    if out is not None:  # a profile that is in use changes by no accident
-        protect(out / PROFILE, data=True)
     chosen, lost = _tasks(names)
     limits = _limits(max_ms, chosen)
     result = work(chosen, limits, robot, parts, range(seeds), lost, out)
@@ -260,8 +257,7 @@ def write(result: TradeResult, stage: Path) -> Iterator[str]:
 
 def report(result: TradeResult, stage: Path) -> str:
     """The page, with the plots that were written."""
-    from skinmap.report.image import media
-    from skinmap.report.page import lines_page
+    from skinmap.report.page import lines_page, media
 
     plots = [media(stage / f"{name}.png", name) for name in result.recommended]
     title = f"{Path(result.robot).name}: speed against accuracy"

@@ -264,7 +264,7 @@ def work(
 
     from skinmap.cli.collection import collect
     from skinmap.io.output import staged_file
-    from skinmap.neighbours.radius import auto_radius
+    from skinmap.neighbours.offsets import auto_radius
     from skinmap.neighbours.structures import RADIUS
     from skinmap.recognition.answering import check_groups, check_motions, learn_answers
     from skinmap.recognition.classifier import WITH_SETS

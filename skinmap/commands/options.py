@@ -280,7 +280,7 @@ calibration_option = click.option(
 
 def read_radius(text: str) -> float | None:
     """The radius asked for [m], None for auto."""
-    from skinmap.neighbours.radius import NARROWEST, WIDEST
+    from skinmap.neighbours.offsets import NARROWEST, WIDEST
 
     if text == "auto":
         return None

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, TypeVar
 
 import click
 
@@ -11,7 +11,15 @@ from skinmap.errors import unknown_name
 
 
 class NamedGroup(click.Group):
-    """A group whose answer to an unknown command is one line with all there are."""
+    """A group whose answer to an unknown command is one line with all there are.
+
+    Attributes
+    ----------
+    removed
+        Commands that it no longer has, each with one line: how to get the same now.
+    """
+
+    removed: ClassVar[Mapping[str, str]] = {}
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -21,6 +29,8 @@ class NamedGroup(click.Group):
         if name.startswith("-"):
             return super().resolve_command(ctx, args)
         command = self.get_command(ctx, name)
+        if command is None and name in self.removed:
+            raise click.UsageError(f"{name} was removed: {self.removed[name]}", ctx)
         if command is None:  # only now are all listed: that asks every installed package
             raise click.UsageError(unknown_name("command", name, self.list_commands(ctx)), ctx)
         return name, command, args[1:]

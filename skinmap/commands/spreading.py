@@ -34,23 +34,22 @@ class Jobs(click.ParamType["int | str"]):
         return click.IntRange(1, MAX_JOBS).convert(value, param, ctx)
 
 
-_OPTIONS = (
-    click.option(
-        "--jobs",
-        type=Jobs(),
-        metavar="N|URL",
-        default=1,
-        show_default=True,
-        help=f"Processes (1 to {MAX_JOBS}), or a Dask scheduler: tcp://HOST:PORT.",
-    ),
-    click.option(
-        "--resume",
-        type=click.Path(path_type=Path),
-        metavar="FOLDER",
-        help="Folder of finished results; the same command continues there after an interruption.",
-    ),
-    retired(backend="write --jobs tcp://HOST:PORT", address="write --jobs tcp://HOST:PORT"),
+_jobs_option = click.option(
+    "--jobs",
+    type=Jobs(),
+    metavar="N|URL",
+    default=1,
+    show_default=True,
+    help=f"Processes (1 to {MAX_JOBS}), or a Dask scheduler: tcp://HOST:PORT.",
 )
+_resume_option = click.option(
+    "--resume",
+    type=click.Path(path_type=Path),
+    metavar="FOLDER",
+    help="Of finished results: run the same again after an interruption to go on.",
+)
+_gone = retired(backend="write --jobs tcp://HOST:PORT", address="write --jobs tcp://HOST:PORT")
+NO_RESUME = "leave it out: a run takes minutes, and --jobs shortens it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,13 +79,15 @@ class WorkerOptions:
 ALONE = WorkerOptions()
 
 
-def workers_options(command: F) -> F:
-    """`--jobs` and `--resume`; the command gets them as one, `spread`."""
+def workers_options(*, resume: bool) -> Callable[[F], F]:
+    """`--jobs`, and `--resume` of long runs; the command gets them as one, `spread`."""
 
-    @functools.wraps(command)
-    def run(*args: Any, jobs: int | str, resume: Path | None, **options: Any) -> Any:
-        return command(*args, spread=WorkerOptions(jobs, resume), **options)
+    def add(command: F) -> F:
+        @functools.wraps(command)
+        def run(*args: Any, jobs: int | str, resume: Path | None = None, **options: Any) -> Any:
+            return command(*args, spread=WorkerOptions(jobs, resume), **options)
 
-    for option in reversed(_OPTIONS):
-        run = option(run)
-    return cast("F", run)
+        last = _resume_option if resume else retired(resume=NO_RESUME)
+        return cast("F", _jobs_option(last(_gone(run))))
+
+    return add

@@ -1,6 +1,11 @@
-from skinmap.geometry.distances import bridged_graph, path_distances
 from skinmap.geometry.log_map import log_map
-from skinmap.geometry.proximity import closest_on_mesh, median_spacing, nearest_first
+from skinmap.geometry.proximity import (
+    bridged_graph,
+    closest_on_mesh,
+    median_spacing,
+    nearest_first,
+    path_distances,
+)
 from skinmap.geometry.rigid import plane_turns, tangent_frames
 from skinmap.geometry.topology import loops_by_length
 from skinmap.geometry.triangles import TriangleMesh

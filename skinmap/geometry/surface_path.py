@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse.csgraph import dijkstra
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.distances import edge_graph
+from skinmap.geometry.proximity import edge_graph
 from skinmap.geometry.topology import edges, twins
 from skinmap.geometry.triangles import face_normals
 

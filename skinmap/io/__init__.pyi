@@ -1,8 +1,7 @@
 from skinmap.io.output import staged_file, staged_folder
 from skinmap.io.robots.manifest import load_robot
 from skinmap.io.robots.mesh_file import read_mesh
-from skinmap.io.taxels.taxel_readers import read_taxels
-from skinmap.io.taxels.taxel_table import write_csv
+from skinmap.io.taxels.taxel_table import read_taxels, write_csv
 
 __all__ = [
     "load_robot",

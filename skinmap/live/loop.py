@@ -27,14 +27,14 @@ from skinmap.live.response.rest_gate import RestGate
 from skinmap.live.response.sample_checks import SampleChecks
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.feed import STALE, Feed
-from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.skins import check_skin
 from skinmap.live.sources.source import (
+    Counts,
     Seekable,
     Source,
     SourceEnded,
     StreamInfo,
     blocks,
+    check_skin,
     is_live,
 )
 from skinmap.recognition.classifier import Prediction, TouchClassifier

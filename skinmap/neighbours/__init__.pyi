@@ -1,5 +1,9 @@
-from skinmap.neighbours.offsets import Neighbourhoods, flat_map_directions, neighbourhoods
-from skinmap.neighbours.radius import auto_radius
+from skinmap.neighbours.offsets import (
+    Neighbourhoods,
+    auto_radius,
+    flat_map_directions,
+    neighbourhoods,
+)
 from skinmap.neighbours.structures import Prototypes, Structures, assign, find_structures
 
 __all__ = [

@@ -6,8 +6,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.distances import edge_graph
 from skinmap.geometry.log_map import log_map
+from skinmap.geometry.proximity import edge_graph
 from skinmap.geometry.triangles import unit
 from skinmap.neighbours.offsets import BAND, Neighbourhoods, gathered, reference_frames
 from skinmap.surface.surface_mesh import SurfaceMesh

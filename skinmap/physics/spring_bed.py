@@ -9,8 +9,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
-from skinmap.geometry.distances import bridged_graph
-from skinmap.geometry.proximity import median_spacing
+from skinmap.geometry.proximity import bridged_graph, median_spacing
 from skinmap.geometry.triangles import face_areas, face_normals, unit
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface

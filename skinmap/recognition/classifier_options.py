@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.neighbours.radius import WIDEST
+from skinmap.neighbours.offsets import WIDEST
 from skinmap.recognition.classifier import TouchClassifier, classifiers
 from skinmap.recognition.descriptors import Histograms
 from skinmap.recognition.images.image_descriptor import LARGEST, PaperImages

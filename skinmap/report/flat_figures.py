@@ -15,7 +15,7 @@ from skinmap.flat.atlas import limb_frame
 from skinmap.flat.face_metrics import METRICS, DrawnChart, FaceMetric, seam_edges
 from skinmap.flat.flat_map import Chart, FlatMap
 from skinmap.geometry.triangles import face_normals
-from skinmap.report.image import picture_bytes, plain_figure
+from skinmap.report.page import picture_bytes, plain_figure
 from skinmap.report.projection import View, choose_views, draw_surface, visible
 from skinmap.surface.surface_mesh import SurfaceMesh
 

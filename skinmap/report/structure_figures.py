@@ -10,7 +10,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.neighbours.structures import Structures
-from skinmap.report.image import MM, plain_figure, save_figure
+from skinmap.report.page import MM, plain_figure, save_figure
 from skinmap.touch.histograms.codebook import COUNTS, Codebook, learn_codebook, patterns
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.simulator import simulate

@@ -13,7 +13,7 @@ from skinmap.errors import SkinMismatchError
 from skinmap.flat.atlas import limb_frame
 from skinmap.geometry.triangles import face_normals
 from skinmap.live.moment import Moment
-from skinmap.report.image import plain_figure
+from skinmap.report.page import plain_figure
 from skinmap.report.projection import choose_views, draw_surface
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.contacts.skin_geometry import ACTIVE, Contacts

@@ -1,6 +1,5 @@
-from skinmap.trade.front import knee, pareto, recommend
-from skinmap.trade.measured import Point, TradeResult
-from skinmap.trade.measuring import cpu_seconds, measure
+from skinmap.trade.front import pareto, recommend
+from skinmap.trade.measuring import Point, TradeResult, cpu_seconds, measure
 from skinmap.trade.task import Knob, Outcome, TradeTask, tasks
 
 __all__ = [
@@ -10,7 +9,6 @@ __all__ = [
     "TradeResult",
     "TradeTask",
     "cpu_seconds",
-    "knee",
     "measure",
     "pareto",
     "recommend",

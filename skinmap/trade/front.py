@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from skinmap.errors import ImpossibleBudgetError
-from skinmap.report.image import plain_figure, save_figure
-from skinmap.trade.measured import Point, Recommended, TaskRow, TradeResult, describe
+from skinmap.report.page import plain_figure, save_figure
+from skinmap.trade.measuring import Point, Recommended, TaskRow, TradeResult, describe
 from skinmap.trade.task import Setting
 
 SAMPLE = 0.02  # seconds from one sample of a stream to the next at 50 Hz
 SHARE = 0.01  # of the default's error, from which a difference is worth another setting
-FLOOR = 0.01  # of the front's largest error: smaller errors count as so much for the knee
 
 
 def pareto(points: Sequence[Point]) -> list[bool]:
@@ -42,32 +41,6 @@ def pareto(points: Sequence[Point]) -> list[bool]:
 def _dominates(one: Point, other: Point) -> bool:
     no_worse = one.seconds <= other.seconds and one.error <= other.error
     return no_worse and (one.seconds < other.seconds or one.error < other.error)
-
-
-def knee(points: Sequence[Point]) -> Point:
-    """The point where time x error is least: beyond it, twice the time no longer halves the error.
-
-    It divides the front for the eye, and is not recommended: time is worth nothing below what
-    there is of it.
-
-    Parameters
-    ----------
-    points : sequence of Point
-        Of one task, at least one.
-
-    Returns
-    -------
-    Point
-
-    Examples
-    --------
-    >>> from skinmap.trade import Point, knee
-    >>> costs = [(1e-3, 8.0), (1e-2, 0.5), (2e-2, 0.4)]
-    >>> knee([Point(task="x", setting={}, seconds=s, error=e, unit="%") for s, e in costs]).cost
-    '10 ms, 0.5 %'
-    """
-    floor = FLOOR * max(point.error for point in points) or 1.0
-    return min(points, key=lambda point: (point.seconds * max(point.error, floor), point.seconds))
 
 
 def recommend(
@@ -151,12 +124,6 @@ WIDE = 20.0  # errors that differ by more than this factor are drawn on a logari
 SIZE = (12.5, 5.6)  # [inch]
 ROWS = 24  # of the list at this height; more make the picture higher
 COLUMNS = (0.0, 0.05, 0.88, 1.0)  # of the list: mark, number and setting, time, error
-# Places of a number round its point [pt], nearest first.
-OFFSETS = [
-    (reach * x, reach * y)
-    for reach in (8, 14, 20, 28, 38, 50)
-    for x, y in ((0.7, 0.7), (0.7, -0.7), (-0.7, 0.7), (-0.7, -0.7), (0, 1), (0, -1), (1, 0))
-]
 
 
 def trade_figure(result: TradeResult, task: TaskRow, path: Path) -> None:
@@ -172,9 +139,6 @@ def trade_figure(result: TradeResult, task: TaskRow, path: Path) -> None:
     times, errors = zip(*((1e3 * point.seconds, point.error) for point in front), strict=True)
     axis.step(times, errors, where="post", color=BLUE, linewidth=1.3, alpha=0.7)
     _draw(axis, front, color=BLUE, markersize=6, label="Pareto front")
-    best = knee(front)
-    ring = {"markersize": 13, "markeredgecolor": BLUE, "markerfacecolor": "none"}
-    axis.plot([1e3 * best.seconds], [best.error], "o", label="knee: least time x error", **ring)
     star = {"color": RED, "markersize": 16, "zorder": 4}
     axis.plot([1e3 * chosen.seconds], [chosen.error], "*", label="recommended", **star)
     scale_axes(axis, listed)
@@ -188,7 +152,13 @@ def trade_figure(result: TradeResult, task: TaskRow, path: Path) -> None:
     axis.spines[["top", "right"]].set_visible(False)
     figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
     _list(beside, task, listed, chosen)
-    number_points(figure, axis, listed, chosen)
+    for number, point in enumerate(listed, start=1):
+        place = 1e3 * point.seconds, point.error
+        colour = BLUE if point.pareto else DIM
+        axis.annotate(
+            str(number), place, xytext=(6, 6), textcoords="offset points",
+            fontsize=7.5, color=colour,
+        )  # fmt: skip
     save_figure(figure, path)
 
 
@@ -282,59 +252,3 @@ def _plain_ticks(axis: Any) -> None:
     axis.set_ticks(ticks)
     axis.set_minor_locator(NullLocator())
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-
-
-def number_points(figure: Any, axis: Any, points: Sequence[Point], chosen: Point) -> list[Any]:
-    """Write each point's number beside it, where it covers no other number and no point."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.text import Text
-    from matplotlib.transforms import Bbox
-
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()  # the layout is known only now
-    renderer = canvas.get_renderer()
-    dots = axis.transData.transform([(1e3 * point.seconds, point.error) for point in points])
-    sides = [11 if point is chosen else 5 for point in points]  # the star is larger [px]
-    taken = [
-        Bbox.from_bounds(x - side, y - side, 2 * side, 2 * side)
-        for (x, y), side in zip(dots, sides, strict=True)
-    ]
-    inside = axis.get_window_extent(renderer)
-    notes = []
-
-    def extent(note: Any) -> Any:
-        note.update_positions(renderer)
-        return Text.get_window_extent(note, renderer)  # of the words, without the line
-
-    def cost(note: Any, offset: tuple[float, float]) -> float:
-        """How many numbers and points the text would cover there; much more outside the axes."""
-        note.set_position(offset)
-        box = extent(note)
-        out = box.x0 < inside.x0 or box.x1 > inside.x1 or box.y0 < inside.y0 or box.y1 > inside.y1
-        return sum(box.overlaps(other) for other in taken) + 100.0 * out
-
-    for number, point in enumerate(points, start=1):
-        note = _number(axis, point, number, BLUE if point.pareto else DIM)
-        costs = [cost(note, offset) for offset in OFFSETS]
-        note.set_position(OFFSETS[costs.index(min(costs))])
-        taken.append(extent(note))
-        notes.append(note)
-    return notes
-
-
-def _number(axis: Any, point: Point, number: int, colour: str) -> Any:
-    """A point's number in the list, wherever it will stand."""
-    note = axis.annotate(
-        str(number),
-        (1e3 * point.seconds, point.error),
-        xytext=(0.0, 0.0),
-        textcoords="offset points",
-        fontsize=7.5,
-        color=colour,
-        ha="center",
-        va="center",
-        arrowprops={"arrowstyle": "-", "color": GREY, "linewidth": 0.5, "shrinkB": 4},
-        zorder=5,
-    )
-    note.set_in_layout(False)
-    return note

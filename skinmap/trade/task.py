@@ -110,7 +110,6 @@ tasks: Registry[TradeTask] = Registry(
     built_in={
         "flatten": "skinmap.trade.flatten_task:flatten_task",
         "classify": "skinmap.trade.classify_task:classify_task",
-        "fidelity": "skinmap.trade.fidelity_task:fidelity_task",
     },
     adapt=_checked,
 )

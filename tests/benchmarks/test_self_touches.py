@@ -14,8 +14,7 @@ from scipy.spatial.transform import Rotation
 import skinmap
 from benchmarks.calibration.self_touch_rows import world
 from calibration.commands.self_touch_words import judge, notes_of
-from calibration.files.part_files import load_part_touches
-from calibration.files.self_touch_files import SelfTouchData
+from calibration.files.self_touch_files import SelfTouchData, load_part_touches
 from calibration.mount.robot_chains import robot_chain
 from calibration.mount.skin_contacts import self_touch
 from skinmap.arrays import FloatArray

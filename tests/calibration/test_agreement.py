@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from calibration.mount.judgement import Jury
+from calibration.mount.skin_contacts import Jury
 
 # Two recordings that contradict each other are missed by this much when fitted together [m].
 CLASH, ALONE, SENSE = 20e-3, 2e-3, 40e-3

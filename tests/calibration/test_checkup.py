@@ -28,7 +28,7 @@ from skinmap.errors import (
     UnknownNameError,
 )
 from skinmap.io.mcap.writing import McapRecording
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from tests.calibration.asked_table import write_places

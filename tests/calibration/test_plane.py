@@ -20,7 +20,7 @@ from calibration.plane.solve import first_states
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.rigid import tangent_frames, transform_points
 from skinmap.io.robots.manifest import load_robot
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 
 PART, LINK = "right_forearm", "r_forearm"
 JOINTS = (

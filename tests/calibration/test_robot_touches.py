@@ -16,9 +16,8 @@ from click.testing import CliRunner
 
 import skinmap
 from calibration.commands import calibrate
-from calibration.files.probe_file import read_probes
 from calibration.files.robot_touches import load_robot_touches
-from calibration.files.self_touch_files import read_touches, write_touches
+from calibration.files.self_touch_files import read_probes, read_touches, write_touches
 from calibration.mount.chains import TouchRecording
 from skinmap.cli.main import main
 from skinmap.errors import DataFormatError, SkinMismatchError, UnknownNameError
@@ -323,6 +322,6 @@ def test_a_probe_without_a_robot_needs_its_part(tmp_path):
     np.savez(tmp_path / "part_left_forearm.npz", taxel_pos=np.zeros((1, 3)), mount=np.zeros(6),
              dh=np.zeros((0, 4)), joint_cols=np.zeros(0, int))  # fmt: skip
     line = refused(tmp_path)
-    assert "no taxels of 'right_finger', and what it sits on is not known" in line
+    assert "no taxels of 'right_finger', and its link is unknown" in line
     assert 'name = "right_finger", part = one of: left_forearm' in line
-    assert "--probes FILE" in line
+    assert "name it in probes.toml beside it" in line

@@ -131,13 +131,13 @@ def test_scan_command_writes_a_pose_and_a_report(tmp_path, bracket, rng):
     from click.testing import CliRunner
 
     from skinmap.cli.main import cli
-    from skinmap.io.taxels.taxel_readers import read_taxels
+    from skinmap.io.taxels.taxel_table import read_taxels
 
     points = 1e3 * moved(pose(10, 8e-3, rng), seen(bracket, rng, count=1500))
     rows = "\n".join(",".join(map(str, row)) for row in points.tolist())
     (tmp_path / "scan.csv").write_text(f"x,y,z\n{rows}\n")
     trimesh.Trimesh(1e3 * bracket.vertices, bracket.faces).export(tmp_path / "link.stl")
-    words = ["calibrate", "scan", "--scan", str(tmp_path / "scan.csv"), "--mesh"]
+    words = ["calibrate", "scan", str(tmp_path / "scan.csv"), "--mesh"]
     words += [str(tmp_path / "link.stl"), "-o", str(tmp_path / "out"), "--json"]
     done = CliRunner().invoke(cli, [*words, "--units", "mm"])
     assert done.exit_code == 0, (done.output, done.exception)

@@ -12,14 +12,14 @@ from scipy.spatial.transform import Rotation
 
 from calibration import self_touch
 from calibration.commands import calibrate
-from calibration.files.part_files import load_part_touches
+from calibration.files.self_touch_files import load_part_touches
 from calibration.mount.chains import Chain, TouchRecording
 from calibration.mount.pairing import side_of
 from calibration.mount.skin_contacts import taxel_covariance
 from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 
 PITCH, REACH = 6.5e-3, 12e-3  # of the taxels, and how far from the contact they answer [m]
 ARM = np.array(

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, SkinError
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 
 KEYS = {
     "mirrored", "predicted_mm", "leave_one_out_mm", "leave_one_out_expected_mm", "evidence",

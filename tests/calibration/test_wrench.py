@@ -12,7 +12,7 @@ from calibration.commands import calibrate
 from calibration.files.mount_files import read_wrenches
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
 from skinmap.geometry.rigid import transform_points
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 
 WRENCH_NAMES = ("points", "frames", "forces", "moments")
 POINT, MOMENT = 2e-3, 5e-3  # [m], [N m]
@@ -110,7 +110,7 @@ def test_wrench_finds_a_mount(tmp_path):
     path = tmp_path / "touches.npz"
     arrays = {"frames": frames, "forces": forces, "moments": moments, "points": points}
     np.savez(path, **arrays, taxels=points)
-    result = run("wrench", path, "--point-mm", 2, "-o", tmp_path / "out")
+    result = run("wrench", path, "-o", tmp_path / "out")
     assert result["status"] == "ok"
     assert result["touches"] == 60
     assert result["rms_mm"] < result["cross_validation_mm"] < 2 * result["rms_mm"]
@@ -122,7 +122,7 @@ def test_wrench_finds_a_mount(tmp_path):
     in_mm[:, :3, 3] *= 1e3
     scaled = {"points": 1e3 * points, "frames": in_mm, "moments": 1e3 * moments}
     np.savez(path, **(arrays | scaled), taxels=1e3 * points)
-    again = run("wrench", path, "--point-mm", 2, "--units", "mm")
+    again = run("wrench", path, "--units", "mm")
     np.testing.assert_allclose(again["mount"], result["mount"], rtol=0, atol=2e-6)
 
 

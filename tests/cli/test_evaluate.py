@@ -67,7 +67,7 @@ def test_kaspar_prints_the_table_beside_the_papers(small_paper, tmp_path):
 def test_cross_patch_prints_a_row_for_each_classifier(tmp_path):
     result = run(
         "--protocol", "cross-patch", "--robot", "icub", "--part", PART, "--part", "left_arm",
-        "--seeds", "1", "--per-gesture", "5", "--gestures", "poke,full_finger,three_finger",
+        "--seeds", "1", "--per-gesture", "5", "--set", "gestures=poke,full_finger,three_finger",
         "--classifier", "contact-geometry", "--out", str(tmp_path),
     )  # fmt: skip
     (row,) = result["rows"]
@@ -80,7 +80,7 @@ def test_cross_patch_prints_a_row_for_each_classifier(tmp_path):
 def test_touches_vary_unless_they_are_asked_not_to():
     """The two are other touches, and the result holds which they were."""
     words = ("--protocol", "cross-patch", "--part", PART, "--part", "left_foot", "--seeds", "1")
-    few = ("--per-gesture", "5", "--gestures", "poke,full_finger", "--classifier")
+    few = ("--per-gesture", "5", "--set", "gestures=poke,full_finger", "--classifier")
     varied, clean = (
         run(*words, *few, "contact-geometry", *how) for how in ((), ("--variety", "none"))
     )
@@ -136,7 +136,7 @@ def test_tables_are_printed_for_people(recording):
         (["--protocol", "kaspar", "--classifier", "cnn"], "has its own classifiers"),
         (["--protocol", "cross-patch", "--classifier", "oracle"], "no classifier 'oracle'"),
         (["--protocol", "cross-patch", "--classifier", "raw-rbf"], "learns the taxels of one part"),
-        (["--protocol", "cross-patch", "--gestures", "slap"], "no gesture 'slap'"),
+        (["--protocol", "cross-patch", "--set", "gestures=slap"], "no gesture 'slap'"),
         (
             ["--protocol", "cross-patch", "--part", "torso"],
             "two patches, got torso; give",
@@ -145,7 +145,7 @@ def test_tables_are_printed_for_people(recording):
         (["--protocol", "baxter", "--set", "images=9"], "Expected `int` >= 90"),
         (["--protocol", "baxter", "--set", "network=huge"], "Invalid enum value 'huge'"),
         (["--protocol", "baxter", "--set", "sweep=yes"], "settings of baxter: images, network"),
-        (["--protocol", "physics", "--set", "folds"], "settings of physics: none"),
+        (["--protocol", "physics", "--set", "folds"], "settings of physics: gestures"),
         (["--protocol", "kaspar", "--sweep"], "--sweep was removed: write --set sweep=yes"),
         (["--protocol", "kaspar", "--variety", "much"], "no variety level 'much'"),
         (["touches.npz", "--variety", "none"], "recorded touches have no --variety"),

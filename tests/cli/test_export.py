@@ -9,7 +9,7 @@ from click.testing import CliRunner
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.io.taxels.icub import read_icub
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 
 
 def run(*words: str) -> dict:

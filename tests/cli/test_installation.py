@@ -8,7 +8,7 @@ from importlib.metadata import PackageNotFoundError, distribution
 
 from click.testing import CliRunner
 
-import skinmap.cli.installation
+import skinmap.cli.info
 from skinmap.cli.main import cli
 
 
@@ -31,9 +31,9 @@ def test_missing_extra_and_library_come_with_the_line_that_installs_them(monkeyp
     def nothing(package):
         raise PackageNotFoundError(package)
 
-    monkeypatch.setattr(skinmap.cli.installation, "metadata", nothing)
-    monkeypatch.setattr(skinmap.cli.installation, "loads_library", lambda name: False)
-    monkeypatch.setattr(skinmap.cli.installation, "has_display", lambda: False)
+    monkeypatch.setattr(skinmap.cli.info, "metadata", nothing)
+    monkeypatch.setattr(skinmap.cli.info, "loads_library", lambda name: False)
+    monkeypatch.setattr(skinmap.cli.info, "has_display", lambda: False)
     output = run().output
     assert "pip install 'skinmap[mujoco]'" in output
     assert "numpy missing" in output
@@ -45,7 +45,7 @@ def test_port_that_another_program_holds_is_in_use(monkeypatch):
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        monkeypatch.setattr(skinmap.cli.installation, "PORTS", {port: "view --web"})
+        monkeypatch.setattr(skinmap.cli.info, "PORTS", {port: "view --web"})
         assert f"{port} (view --web) in use" in run().output
     assert f"{port} (view --web) free" in run().output
 

@@ -82,17 +82,17 @@ def test_ending_without_w_writes_nothing(marked, tmp_path, keys):
 
 
 def test_a_csv_that_nobody_changed_changes_nothing(marked, tmp_path):
-    run("label", marked, "--write-csv", tmp_path / "t.csv")
-    run("label", marked, "--csv", tmp_path / "t.csv", "-o", tmp_path / "same.mcap")
+    run("label", marked, "-o", tmp_path / "t.csv")
+    run("label", marked, tmp_path / "t.csv", "-o", tmp_path / "same.mcap")
     assert Marks(read_track(tmp_path / "same.mcap").touches) == Marks(read_track(marked).touches)
 
 
 def test_rows_of_a_csv_are_the_touches(marked, tmp_path):
-    run("label", marked, "--write-csv", tmp_path / "t.csv")
+    run("label", marked, "-o", tmp_path / "t.csv")
     lines = (tmp_path / "t.csv").read_text().splitlines()
     named = lines[1].replace(",rub,", ",tap,")
     (tmp_path / "t.csv").write_text("\n".join([lines[0], named, *lines[3:]]))
-    told = run("label", marked, "--csv", tmp_path / "t.csv", "-o", tmp_path / "new.npz")
+    told = run("label", marked, tmp_path / "t.csv", "-o", tmp_path / "new.npz")
     assert told["touches"] == {"rub": len(lines) - 3, "tap": 1}
     (one,) = skinmap.load_recordings(tmp_path / "new.npz")
     assert sorted(one.labels) == ["rub"] * (len(lines) - 3) + ["tap"]
@@ -111,10 +111,10 @@ def test_rows_of_a_csv_are_the_touches(marked, tmp_path):
     ],
 )
 def test_rows_that_cannot_be_are_named_by_their_line(marked, tmp_path, change, match):
-    run("label", marked, "--write-csv", tmp_path / "t.csv")
+    run("label", marked, "-o", tmp_path / "t.csv")
     head, row, *_ = (tmp_path / "t.csv").read_text().splitlines()
     (tmp_path / "t.csv").write_text(f"{head}\n{change(row)}\n")
-    message = refuse("label", marked, "--csv", tmp_path / "t.csv", "-o", tmp_path / "n.mcap")
+    message = refuse("label", marked, tmp_path / "t.csv", "-o", tmp_path / "n.mcap")
     assert f"t.csv:{match}" in message
     assert not (tmp_path / "n.mcap").exists()
 
@@ -124,9 +124,9 @@ def test_touches_that_nobody_marked_are_found(tmp_path):
     words = ["sim", "--part", "left_hand", "--seconds", 12, "--speed", "inf", "-o"]
     run("record", *words, plain)
     run("record", *words, named, "--label", "rub")
-    told = run("label", plain, "--write-csv", tmp_path / "t.csv")
+    told = run("label", plain, "-o", tmp_path / "t.csv")
     assert (told["before"], told["touches"], told["unnamed"]) == (0, {}, told["found"])
-    run("label", plain, "--csv", tmp_path / "t.csv", "--name", "rub", "-o", tmp_path / "new.mcap")
+    run("label", plain, tmp_path / "t.csv", "--name", "rub", "-o", tmp_path / "new.mcap")
     assert spans(tmp_path / "new.mcap") == spans(named)
 
 
@@ -136,7 +136,7 @@ def test_nothing_is_written_over(marked, tmp_path):
         assert "is there already" in refuse(*words, tmp_path / "there.mcap", keys="w\n")
         assert "cannot write" in refuse(*words, marked, "--force", keys="w\n")
     assert (tmp_path / "there.mcap").read_bytes() == b"precious"
-    assert "name the new recording" in refuse("label", marked)
+    assert "'-o'" in refuse("label", marked)
 
 
 def mark(first, last, event=0, label="a"):

@@ -213,7 +213,7 @@ def test_a_command_without_knobs_refuses_a_profile(tmp_path):
 def test_what_trade_writes_is_read_back(tmp_path):
     from skinmap.cli.trade import profile_text
     from skinmap.profile import read_profile
-    from skinmap.trade.measured import Recommended, TradeResult
+    from skinmap.trade.measuring import Recommended, TradeResult
 
     for name in tasks.names():
         for setting in tasks.get(name).settings():  # all that can be recommended

@@ -58,7 +58,7 @@ def file(skin, tmp_path_factory):
 
 def test_marks_on_stuck_taxels_are_left_out_everywhere(file, tmp_path):
     merged = run("merge", file, "-o", tmp_path / "merged.mcap")
-    labelled = run("label", file, "--write-csv", tmp_path / "marks.csv")
+    labelled = run("label", file, "-o", tmp_path / "marks.csv")
     trained = run("train", file, "-o", tmp_path / "m.skinmodel")
     found = collect([file])
     assert sum(merged["touches"].values()) == 12
@@ -79,14 +79,14 @@ def test_what_nobody_touches_stays_marked_as_that(skin):
 
 def test_recorded_and_found_touches_are_as_many_and_carry_their_channels(tmp_path):
     out = tmp_path / "b.mcap"
-    line = ["record", "sim:edge", "--label", "stroke", "--part", "torso", "--seed", 2]
+    line = ["record", "sim:edge,seed=2", "--label", "stroke", "--part", "torso"]
     recorded = run(*line, "--seconds", 20, "--speed", "inf", "-o", out)
     marks = read_track(out).touches
     assert sum(recorded["touches"].values()) == len(marks) > 3
     assert all(mark.channels for mark in marks)
-    found = run("label", out, "--find", "--write-csv", tmp_path / "b.csv")
+    found = run("label", out, "--find", "-o", tmp_path / "b.csv")
     assert found["found"] == len(marks)
     assert len(collect([out]).touches) == len(marks)
     named = tmp_path / "n.mcap"
-    kept = run("label", out, "--csv", tmp_path / "b.csv", "--name", "stroke", "-o", named)
+    kept = run("label", out, tmp_path / "b.csv", "--name", "stroke", "-o", named)
     assert sum(kept["touches"].values()) == len(marks)

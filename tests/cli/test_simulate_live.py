@@ -105,7 +105,7 @@ def run(*arguments: str):
         (("--publish", "zmq:5555", "-o", "x.npz"), "leave out --out"),
         (("--publish", "zmq:5555", "--per-gesture", "3"), "leave out --per-gesture"),
         (("--seconds", "3"), "are for streams: add --publish"),
-        (("--raw",), "are for streams: add --publish"),
+        (("--fault", "raw=yes"), "are for streams: add --publish"),
         (("--publish", "zmq:5555", "--seconds", "0"), "0.0 is not in the range"),
     ],
 )
@@ -140,7 +140,9 @@ def test_port_in_use_is_one_line():
 
 
 def test_stream_ends_by_itself_and_says_what_it_sent():
-    done = run("--publish", f"zmq:{free_port()}", "--seconds", "0.5", "--raw", "--json")
+    done = run(
+        "--publish", f"zmq:{free_port()}", "--seconds", "0.5", "--fault", "raw=yes", "--json"
+    )
     assert done.exit_code == 0, done.output
     result = json.loads(done.stdout)
     assert (result["samples"], result["kind"], result["interrupted"]) == (25, "raw", False)

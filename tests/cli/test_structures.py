@@ -38,7 +38,10 @@ def test_the_radius_lies_between_two_rings_by_itself(tmp_path):
         '[robot]\nname = "bare"\nmesh = "plate.stl"\n[[part]]\nname = "bare"\nlink = "body"\n'
         'taxels = "bare.csv"\n'
     )
-    found = json.loads(run(str(tmp_path / "bare.toml"), "--rotations", "4", "--json").stdout)
+    head = f'[profile]\nformat = 1\nskinmap = "{skinmap.__version__}"\n[classify]\n'
+    (tmp_path / "p.toml").write_text(f"{head}rotations = 4\n")
+    how = ("--profile", str(tmp_path / "p.toml"), "--json")
+    found = json.loads(run(str(tmp_path / "bare.toml"), *how).stdout)
     assert found["radius_is"] == "auto"
     assert 8.16 < found["radius_mm"] < 8.16 * 2**0.5
     assert found["structures"] == 3  # inside, at a side, at a corner
@@ -66,7 +69,7 @@ def test_pictures_are_written_beside_the_numbers(tmp_path):
         (("--radius-mm", "-3"), "must lie in 0.1..1000, or auto"),
         (("--radius-mm", "nan"), "must lie in 0.1..1000, or auto"),
         (("--tolerance-mm", "0"), "write tolerance_mm = 1.5 in the table [classify] of a profile"),
-        (("--rotations", "5"), "'5' is not one of '1', '4', '6'"),
+        (("--rotations", "4"), "write rotations = 4 in the table [classify] of a profile"),
     ],
 )
 def test_nonsense_is_refused(arguments, message):

@@ -110,7 +110,7 @@ def places(path: Path) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("evidence", ["anchors", "touches"])
 def test_example_is_placed_where_its_truth_is(tmp_path, evidence):
-    how = ["wrap", "--anchors"] if evidence == "anchors" else ["touch", "--touches"]
+    how = ["wrap", "--anchors"] if evidence == "anchors" else ["wrap", "--touches"]
     result = CliRunner().invoke(cli, [
         "calibrate", how[0], "--layout", str(BOARD / "board.csv"), "--mesh",
         str(BOARD / "link.stl"), how[1], str(BOARD / f"{evidence}.csv"), "-o", str(tmp_path / "o"),

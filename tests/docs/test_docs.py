@@ -31,7 +31,7 @@ sys.path.insert(0, sys.argv[1])
 from pathlib import Path
 import skinmap
 from skinmap.errors import DataFormatError
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 from skinmap.live import check_source, open_source
 
 board = Path(sys.argv[1]) / "board.mm"

@@ -59,7 +59,7 @@ def test_readme_is_short():
 
 
 def test_pages_tell_the_age_of_their_results(figures, code):
-    assert {page.stem for page in figures.pages()} >= {"evaluation", "images", "motion", "touches"}
+    assert {page.stem for page in figures.pages()} >= {"evaluation", "images", "touches"}
     for page in figures.pages():
         text = page.read_text(encoding="utf-8")
         assert figures.dated(text, code) == text, f"{page.name}: run `make figures`"

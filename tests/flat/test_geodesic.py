@@ -3,14 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.flat import geodesic
+from skinmap.flat import costs
+from skinmap.flat.costs import _Lines
 from skinmap.flat.disc_map import flatten_disc
-from skinmap.flat.geodesic import _Lines
 
 
 def geodesic_stress(vertices, faces, uv, *, seed=0, exact=False):
     rng = np.random.default_rng(seed)
-    return geodesic.geodesic_stress(vertices, faces, uv, rng=rng, exact=exact).value
+    return costs.geodesic_stress(vertices, faces, uv, rng=rng, exact=exact).value
 
 
 def test_a_plane_has_no_stress(square_grid):
@@ -89,7 +89,7 @@ def test_the_stated_error_covers_all_pairs():
     exact = geodesic_stress(vertices, faces, uv, exact=True)
     assert exact > 1e-3
     found = [
-        geodesic.geodesic_stress(vertices, faces, uv, rng=np.random.default_rng(seed))
+        costs.geodesic_stress(vertices, faces, uv, rng=np.random.default_rng(seed))
         for seed in range(20)
     ]
     # Intervals of 95 %: fewer than 16 of 20 come once in 380 times (binomial).
@@ -102,7 +102,7 @@ def test_pairs_on_a_large_mesh_agree_with_exact_distances_on_a_coarser_one():
     for n in (22, 44):  # exact distances from six vertices, and single pairs
         vertices, faces = bent(n)
         uv = flatten_disc(vertices, faces)[0]
-        stresses[n] = geodesic.geodesic_stress(vertices, faces, uv, rng=np.random.default_rng(1))
+        stresses[n] = costs.geodesic_stress(vertices, faces, uv, rng=np.random.default_rng(1))
     coarse, fine = stresses[22], stresses[44]
-    assert fine.pairs <= geodesic.PAIRS[1] < coarse.pairs
+    assert fine.pairs <= costs.PAIRS[1] < coarse.pairs
     assert abs(coarse.value - fine.value) <= coarse.error + fine.error

@@ -7,13 +7,14 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.distances import bridged_graph, path_distances
 from skinmap.geometry.log_map import BLOCK, KEPT_POINTS, LogMaps, log_map
 from skinmap.geometry.proximity import (
     MAX_COINCIDENT,
+    bridged_graph,
     closest_on_mesh,
     median_spacing,
     nearest,
+    path_distances,
     ray_hits,
 )
 from skinmap.geometry.rigid import check_transform, transform_points

@@ -11,7 +11,7 @@ from skinmap.io.robots.manifest import load_robot
 from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.robots.urdf import UrdfBody
 from skinmap.io.taxels.tactile_urdf import read_tactile_urdf
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 from skinmap.io.text import MAX_BYTES, parse_floats, read_text
 
 BOMB = '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;">]>'

@@ -25,7 +25,7 @@ from skinmap.io.taxels.cyskin import (
     write_cyskin,
 )
 from skinmap.io.taxels.cyskin_faults import file_faults, set_faults
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 from skinmap.skin.skin import skin_from_points
 from skinmap.skin.taxels import NO_ID
 from skinmap.surface.surface_mesh import build_surface

@@ -28,7 +28,7 @@ CHILD = """
 import resource, sys
 from pathlib import Path
 from skinmap.errors import SkinError
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 peak = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 before = peak()
 try:

@@ -5,8 +5,7 @@ import pytest
 
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.io.taxels.icub import read_icub
-from skinmap.io.taxels.taxel_readers import read_taxels, readers
-from skinmap.io.taxels.taxel_table import COLUMNS, read_csv, write_csv
+from skinmap.io.taxels.taxel_table import COLUMNS, read_csv, read_taxels, readers, write_csv
 from skinmap.io.text import CsvRows
 from skinmap.skin.taxels import TaxelTable
 

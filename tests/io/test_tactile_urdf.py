@@ -5,7 +5,7 @@ import pytest
 
 from skinmap.errors import DataFormatError, SkinWarning
 from skinmap.io.taxels.tactile_urdf import read_tactile_sensors, read_tactile_urdf
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 
 ARRAY = '<array rows="2" cols="3" size="0.01 0.02"/>'
 TAXEL = '<taxel idx="4" xyz="0.1 0.2 0.3" rpy="0 1.5707963267948966 0"/>'

@@ -85,7 +85,7 @@ def test_a_format_without_it_says_so(files):
 @pytest.mark.parametrize("suffix", [".npz", ".mcap"])
 def test_marks_keep_it_while_their_times_stay(made, files, suffix):
     table = files / "touches.csv"
-    run("label", files / f"t{suffix}", "--write-csv", table, "--robot", "kaspar")
+    run("label", files / f"t{suffix}", "-o", table, "--robot", "kaspar")
     lines = table.read_text().splitlines()
     stroke = next(k for k, line in enumerate(lines) if ",stroke," in line)
     tap = next(k for k, line in enumerate(lines) if ",tap," in line)
@@ -95,7 +95,7 @@ def test_marks_keep_it_while_their_times_stay(made, files, suffix):
     lines[tap] = ",".join(cells)
     table.write_text("\n".join(lines) + "\n")
     out = files / f"named{suffix}"
-    run("label", files / f"t{suffix}", "--csv", table, "-o", out, "--robot", "kaspar")
+    run("label", files / f"t{suffix}", table, "-o", out, "--robot", "kaspar")
     (read,) = skinmap.load_recordings(out)
     found = dict(zip(read.labels, read.motions, strict=True))
     own = made.motions[made.labels.index("stroke")]

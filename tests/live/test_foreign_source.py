@@ -7,12 +7,19 @@ import pytest
 
 import skinmap.live
 from skinmap.errors import BrokenPluginError
-from skinmap.live.sources.foreign_source import as_source
 from skinmap.live.sources.open_source import sources
-from skinmap.live.sources.part_filter import choose_parts
 from skinmap.live.sources.playback import Playback
-from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.source import Block, Relay, Seekable, Source, SourceEnded, StreamInfo
+from skinmap.live.sources.receiver import choose_parts
+from skinmap.live.sources.source import (
+    Block,
+    Counts,
+    Relay,
+    Seekable,
+    Source,
+    SourceEnded,
+    StreamInfo,
+    as_source,
+)
 
 INFO = StreamInfo("planted", ("arm", "hand"), (3, 2), 50.0)
 

@@ -179,7 +179,7 @@ def test_taxels_of_one_that_is_over_belong_to_nobody(sheet):
 
 def test_two_touches_30_mm_apart_keep_their_numbers(prepared):
     """The benchmark's pairs on two parts; all 13 parts are in benchmarks/results/live.json."""
-    from benchmarks.live import live_planted as planted
+    from benchmarks.live import live as planted
 
     rng = np.random.default_rng(5)
     shares = []

@@ -9,8 +9,7 @@ import pytest
 
 from skinmap.errors import UnreachableError
 from skinmap.live.sources.receiver import OVERHEAD, Receiver
-from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, Counts, SourceEnded, StreamInfo
 
 WIDTH = 4
 

@@ -13,8 +13,13 @@ from skinmap.errors import (
     SkinWarning,
     UnknownNameError,
 )
-from skinmap.live.response.pressures import MARGIN, Response, Responses, RestBaseline
-from skinmap.live.response.response_files import load_responses
+from skinmap.live.response.pressures import (
+    MARGIN,
+    Response,
+    Responses,
+    RestBaseline,
+    load_responses,
+)
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.source import StreamInfo
 from skinmap.skin.skin import fingerprint

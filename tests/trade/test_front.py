@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from skinmap.errors import ImpossibleBudgetError
 from skinmap.trade import Point
-from skinmap.trade.front import SAMPLE, knee, pareto, recommend
+from skinmap.trade.front import SAMPLE, pareto, recommend
 
 FIGURES = st.lists(
     st.tuples(st.sampled_from([1, 2, 3, 5, 8]), st.sampled_from([0, 1, 2, 4, 7])), min_size=1
 )
-# name: (seconds, error); time x error is 8, 10, 50 and 80, so the knee is the first of them.
+# name: (seconds, error)
 PLANTED = {"low": (1.0, 8.0), "middle": (10.0, 1.0), "high": (100.0, 0.5), "silly": (20.0, 4.0)}
 
 
@@ -109,7 +109,6 @@ def test_the_least_error_that_fits_the_time_there_is_is_recommended(default, nam
 def test_a_quarter_of_the_time_does_not_pay_for_twenty_percent_more_errors():
     # What naming a touch costs on the right forearm of the iCub.
     quick, usual = point(1.1e-4, 32.0, "histogram"), point(2.98e-4, 12.0, "contact-geometry")
-    assert knee([quick, usual]) is quick
     assert chosen([quick, usual], default="contact-geometry") is usual
     # It is asked for by a limit alone.
     assert chosen([quick, usual], 2e-4, "contact-geometry") is quick
@@ -138,18 +137,6 @@ def test_a_default_that_was_not_measured_leaves_the_time_of_the_fastest():
     found, why = recommend(points, {"level": "gone"})
     assert found is points[0]
     assert why == "least error within the time of the fastest (3e+03 ms)"
-
-
-def test_the_knee_is_where_twice_the_time_no_longer_halves_the_error():
-    steep = [point(1, 80), point(2, 30), point(4, 10), point(8, 9), point(16, 8.9)]
-    assert knee(steep).seconds == 4
-
-
-def test_a_perfect_setting_is_the_knee_unless_it_costs_a_hundred_times_as_much():
-    # An error of 0 counts as 1 % of the largest.
-    assert knee([point(1, 8), point(50, 0)]).seconds == 50
-    assert knee([point(1, 8), point(200, 0)]).seconds == 1
-    assert knee([point(3, 0), point(2, 0)]).seconds == 2
 
 
 def test_an_impossible_limit_names_the_nearest_setting():

@@ -12,7 +12,6 @@ from skinmap.trade import classify_task as classifying
 from skinmap.trade import flatten_task as flattening
 from skinmap.trade import tasks
 from skinmap.trade.classify_task import classify_task
-from skinmap.trade.fidelity_task import fidelity_task
 from skinmap.trade.flatten_task import edge_rms, flatten_task
 
 
@@ -24,7 +23,6 @@ def kaspar():
 def test_our_tasks_are_registered():
     assert tasks.get("flatten") is flatten_task
     assert tasks.get("classify") is classify_task
-    assert tasks.get("fidelity") is fidelity_task
 
 
 @pytest.mark.parametrize("task", [flatten_task, classify_task])

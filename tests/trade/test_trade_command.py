@@ -177,17 +177,19 @@ def test_a_folder_that_cannot_be_written_is_refused_before_anything_is_measured(
     assert said.startswith("cannot write to the folder ")
 
 
-def test_an_older_profile_is_replaced_by_force_alone(plugged, tmp_path):
+def test_a_second_run_replaces_its_own_files_and_no_others(plugged, tmp_path):
     plugged("planted")
     out = tmp_path / "out"
     words = (*SMALL, "--seeds", 1, "--out", out)
     assert trade(*words).exit_code == 0
-    older = (out / "profile.toml").read_text()
-    said = refused(OutputError, *words, "--max-ms", 5)
-    assert said == f"{str(out / 'profile.toml')!r} is there already; --force replaces it"
-    assert (out / "profile.toml").read_text() == older
-    assert trade(*words, "--max-ms", 5, "--force").exit_code == 0
+    assert trade(*words, "--max-ms", 5).exit_code == 0
     assert 'level = "low"' in (out / "profile.toml").read_text()
+    (out / "profile.toml").write_text("# mine\n")
+    said = refused(OutputError, *words)
+    assert "holds 'profile.toml', which this command did not make" in said
+    assert (out / "profile.toml").read_text() == "# mine\n"
+    assert trade(*words, "--force").exit_code == 0
+    assert 'level = "middle"' in (out / "profile.toml").read_text()
 
 
 def test_help_shows_an_example():

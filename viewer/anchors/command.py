@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 import click
 
-from calibration.commands.patch_task import patch_lines
 from skinmap.errors import InvalidArrayError
 from skinmap.report.present import present
 
@@ -29,6 +28,7 @@ def pick(files: PatchFiles, output: Outputs, picture: Path | None) -> None:
     InvalidArrayError
         Nothing was solved: too few anchors, or anchors without a solution.
     """
+    from calibration.commands.patch_task import patch_lines
     from skinmap.display import has_display, require_opengl
 
     require_opengl()

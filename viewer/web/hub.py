@@ -88,7 +88,7 @@ class Hub:
     first : mapping
         Layer, style and saved view that a page shows first.
     counts : callable, optional
-        Counts of the source's samples (`skinmap.live.sources.sample_counts.Counts`).
+        Counts of the source's samples (`skinmap.live.sources.source.Counts`).
     waits : bool
         The player is paused until the first page comes.
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from skinmap.live.sources.sample_counts import Counts
+from skinmap.live.sources.source import Counts
 from skinmap.recognition.answers import Answer, HandAnswer
 from skinmap.summary import first_few
 

@@ -37,20 +37,6 @@ SUFFIX = ".skinmodel"  # as `skinmap.recognition.model_file` has it; a test comp
 @click.argument("files", nargs=-1, required=True, metavar="[MODEL] SOURCE")
 @robot_option
 @part_option
-@click.option(
-    "--span-mm",
-    type=Number(1.0, 10_000.0),
-    default=200.0,
-    show_default=True,
-    help="Width of a spread hand: contacts further apart are separate touches.",
-)
-@click.option(
-    "--together-ms",
-    type=Number(1.0, 60_000.0),
-    default=80.0,
-    show_default=True,
-    help="Contacts that begin and end within this time form one grip.",
-)
 @seconds_option("Stop after this time [s]; live sources only.")
 @publish_option("pressures, contacts and labels", multiple=True)
 @response_option
@@ -72,6 +58,8 @@ SUFFIX = ".skinmodel"  # as `skinmap.recognition.model_file` has it; a test comp
 )
 @retired(
     profile=NO_PROFILE,
+    span_mm="a spread hand is 200 mm; TouchLoop(rule=GroupingRule(span=...)) in Python",
+    together_ms="a grip begins within 80 ms; TouchLoop(rule=GroupingRule(together=...)) in Python",
     window_ms="velocities are taken from 0.2 s at least",
     motion="velocities are those of the way of the centre; optical flow was less exact",
 )
@@ -80,8 +68,6 @@ def command(
     files: tuple[str, ...],
     robot: str | None,
     parts: tuple[str, ...],
-    span_mm: float,
-    together_ms: float,
     coverage: float | None,
     calibrations: tuple[str, ...],
     as_json: bool,
@@ -121,25 +107,23 @@ def command(
     """
     from skinmap.recognition.model_file import load_classifier
     from skinmap.recognition.named_classifiers import default_model
-    from skinmap.touch.contacts.grouping import GroupingRule
 
     model, source = _model_and_source(files)
     source = _with_gestures(source, how.pop("gestures"))
     classifier = default_model() if model is None else load_classifier(model)
     if coverage is not None:
         classifier.promise(coverage)
-    rule = GroupingRule(span=span_mm / 1e3, together=together_ms / 1e3)
     live = not holds_events(source)
     if live or how["publish"] or how["seconds"] is not None:
         from skinmap.cli.classify.live_naming import classify_live
 
-        shared: dict[str, Any] = {"robot": robot, "parts": parts, "rule": rule, "as_json": as_json}
+        shared: dict[str, Any] = {"robot": robot, "parts": parts, "as_json": as_json}
         shared["calibrations"] = calibrations
         classify_live(classifier, source, **shared, **how)
         return
     from skinmap.cli.classify.live_naming import name_recorded
 
-    found = name_recorded(classifier, Path(source), robot, parts, rule, calibrations)
+    found = name_recorded(classifier, Path(source), robot, parts, calibrations)
     present(found, _lines, as_json=as_json)
 
 

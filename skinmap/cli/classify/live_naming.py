@@ -29,7 +29,7 @@ from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.live.contacts.contact_motion import MotionBook, recorded_course
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.live.sources.sample_counts import Counts
+from skinmap.live.sources.source import Counts
 from skinmap.recognition.classifier import Prediction, TouchClassifier
 from skinmap.recognition.naming import JOIN, all_right, name_touches, true_labels
 from skinmap.report.present import emit_line, object_of
@@ -58,7 +58,6 @@ def classify_live(
     *,
     robot: str | None,
     parts: tuple[str, ...],
-    rule: GroupingRule,
     seconds: float | None,
     seed: int,
     publish: Sequence[str],
@@ -74,7 +73,7 @@ def classify_live(
         A source, calibration or model that does not fit.
     """
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.response.response_files import load_responses
+    from skinmap.live.response.pressures import load_responses
     from skinmap.live.sources.open_source import open_source
     from skinmap.live.sources.source import is_live
 
@@ -96,7 +95,6 @@ def classify_live(
             calibrations=_read_calibrations(calibrations, skins),
             parts=chosen,
             skins=skins,
-            rule=rule,
             reopen=open_it,
             singly=not is_live(source),  # so that it ends at the very sample
         )
@@ -283,7 +281,6 @@ def name_recorded(
     path: Path,
     robot: str | None,
     parts: tuple[str, ...],
-    rule: GroupingRule,
     calibrations: Sequence[str] = (),
 ) -> ClassifyResult:
     """Name the touches of each event and compare them with what was recorded."""
@@ -301,7 +298,7 @@ def name_recorded(
     right = 0
     for one in chosen:
         weigh = _weighing(one, skins[one.part], loads.get(one.part))
-        found, hits = _name_events(classifier, skins[one.part], one, rule, weigh)
+        found, hits = _name_events(classifier, skins[one.part], one, weigh)
         rows.extend(found)
         right += hits
     events = sum(len(one.labels) for one in chosen)
@@ -351,13 +348,12 @@ def _name_events(
     classifier: TouchClassifier,
     skin: PreparedSkin,
     recording: Recording,
-    rule: GroupingRule,
     weigh: Callable[[int, BoolArray], ContactLoad | None],
 ) -> tuple[list[NamedRow], int]:
     """A row for each touch of each event, and how many events were understood in full."""
     step = np.diff(recording.times)
     rate = 1.0 / float(np.median(step)) if len(step) and np.median(step) > 0 else 50.0
-    rule = GroupingRule(span=rule.span, together=rule.together, rate=rate)
+    rule = GroupingRule(rate=rate)
     rows = []
     right = 0
     rest, book = recording.rest(), MotionBook(JoinedSkin({recording.part: skin}))

@@ -12,6 +12,7 @@ import click
 from skinmap.cli.evaluate.evaluation import (
     ON_DATA,
     PROTOCOLS,
+    Evaluation,
     Settings,
     find_evaluation,
     own_settings,
@@ -29,9 +30,8 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.retired import retired
 from skinmap.commands.spreading import WorkerOptions, workers_options
-from skinmap.recognition.protocols.results import EvaluateResult, KasparResult
-from skinmap.report.image import media
-from skinmap.report.page import lines_page
+from skinmap.recognition.protocols.results import EvaluateResult
+from skinmap.report.page import lines_page, media
 from skinmap.report.present import present
 from skinmap.report.result import plain
 
@@ -49,6 +49,7 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
 )
 @click.option("--robot", metavar="ROBOT", help="Robot to simulate on, or that was recorded.")
 @retired(
+    gestures="write --set gestures=NAMES",
     train_robot="write --set train_robot=ROBOT",
     places="write --set places=habitual",
     sweep="write --set sweep=yes",
@@ -70,13 +71,6 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
     metavar="CLASSIFIER",
     multiple=True,
     help="Only this one; may be repeated.",
-)
-@click.option(
-    "--gestures",
-    default="four",
-    show_default=True,
-    metavar="four|eight|all|time|NAME,NAME...",
-    help="Touches to distinguish (recordings: all by default; time: time).",
 )
 @per_gesture_option(
     "cross-patch, physics, time, force: touches of each gesture on each patch or part."
@@ -116,7 +110,7 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
     Written(".npz"),
     "load, prints: archive of arrays to write: each answer, with its interval.",
 )
-@workers_options
+@workers_options(resume=True)
 @out_folder("evaluation.json, report.html and the picture of the sweep")
 @seed_option
 @prints(*get_args(EvaluateResult))
@@ -147,6 +141,8 @@ def command(
                    network=small|paper       paper takes 6 minutes a training,
                                              and tries 7 rates in 5 folds a split
       cross-patch  train_robot=ROBOT         train on this robot, test on --robot
+      cross-patch, physics, time, recordings
+                   gestures=four|eight|all|time|NAME,NAME...  touches to tell apart
       recordings   folds=4                   folds, 2 to 20
       prints       pitch_mm=4.79             between readings
       load         zero=auto|none|first      rest before and after load, or before it
@@ -186,7 +182,7 @@ def command(
         evaluation.lines,
         as_json=as_json,
         out=out,
-        write=lambda stage: _write(result, stage),
+        write=lambda stage: _write(result, evaluation, stage),
         page=lambda stage: lines_page(
             title,
             evaluation.lines(result),
@@ -195,16 +191,14 @@ def command(
     )
 
 
-def _write(result: EvaluateResult, stage: Path) -> Iterator[str]:
-    """Write the result as JSON, and the picture of what was swept; names of the files."""
+def _write(result: EvaluateResult, evaluation: Evaluation, stage: Path) -> Iterator[str]:
+    """Write the result as JSON, and the picture that its protocol draws; names of the files."""
     numbers = {key: value for key, value in plain(result).items() if key != "files"}
     text = json.dumps(numbers, indent=2, allow_nan=False) + "\n"
     (stage / "evaluation.json").write_text(text, encoding="utf-8")
     yield "evaluation.json"
-    if isinstance(result, KasparResult):
-        from skinmap.cli.evaluate.protocol_kaspar import sweep_figure
-
-        sweep_figure(result, stage / "sweep.png")
+    if draw := getattr(evaluation, "sweep_figure", None):
+        draw(result, stage / "sweep.png")
         yield "sweep.png"
 
 

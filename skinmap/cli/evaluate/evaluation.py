@@ -55,7 +55,6 @@ class Settings:
     seeds: int
     seed: int
     names: tuple[str, ...]
-    gestures: str
     per_gesture: int
     variety: float
     leave_out: tuple[Way, ...]
@@ -73,7 +72,13 @@ class Own(Struct, forbid_unknown_fields=True):
     """Settings of a protocol that no other has; this one has none."""
 
 
-class Folds(Own):
+class Gestures(Own):
+    """Of protocols that may tell other touches apart than the four."""
+
+    gestures: str = "four"
+
+
+class Folds(Gestures):
     """Of protocols that deal out what was recorded."""
 
     folds: Annotated[int, Meta(ge=2, le=20)] = 4
@@ -129,7 +134,7 @@ def chosen_gestures(settings: Settings) -> tuple[str, ...]:
     from skinmap.touch.simulation.simulator import check_gestures
     from skinmap.touch.simulation.things import gesture_set
 
-    names = gesture_set([name.strip() for name in settings.gestures.split(",")])
+    names = gesture_set([name.strip() for name in settings.own.gestures.split(",")])
     check_gestures(names)
     return names
 

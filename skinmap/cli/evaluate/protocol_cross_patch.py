@@ -7,14 +7,14 @@ from typing import Any
 
 import click
 
-from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, chosen_gestures, percent
+from skinmap.cli.evaluate.evaluation import Gestures, Rows, Settings, chosen_gestures, percent
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 from skinmap.recognition.protocols.results import CrossPatchResult
 from skinmap.report.table import Table
 
 
-class CrossPatch(Own):
+class CrossPatch(Gestures):
     """Which other robot trains."""
 
     train_robot: str | None = None

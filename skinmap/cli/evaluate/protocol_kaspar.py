@@ -13,7 +13,7 @@ from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, by_class, perce
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 from skinmap.recognition.protocols.results import KasparResult, SweepRow
-from skinmap.report.image import plain_figure, save_figure
+from skinmap.report.page import plain_figure, save_figure
 from skinmap.report.result import given
 from skinmap.report.table import Table
 from skinmap.touch.simulation.subjects import Places

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import click
 
 from skinmap.cli.evaluate.evaluation import (
-    Own,
+    Gestures,
     Rows,
     Settings,
     chosen_gestures,
@@ -18,7 +18,7 @@ from skinmap.commands.progress import progress
 from skinmap.recognition.protocols.results import PhysicsResult
 from skinmap.report.table import Table
 
-SETTINGS = Own
+SETTINGS = Gestures
 
 
 def work(settings: Settings) -> PhysicsResult:

@@ -32,7 +32,7 @@ def work(settings: Settings) -> RecordingsResult:
     from skinmap.recognition.protocols.recordings import KINDS, evaluate_recordings
 
     collection = collect(settings.recordings, settings.robot, settings.parts)
-    only = () if settings.gestures in ("four", "all") else _labels(settings)
+    only = () if settings.own.gestures in ("four", "all") else _labels(settings)
     chosen = judged_touches(collection, only)
     names = settings.names or ((DEFAULT,) if settings.leave_out else classifiers.names())
     with progress(len(names) * len(KINDS) * settings.seeds, "recordings") as advance:
@@ -66,9 +66,9 @@ def work(settings: Settings) -> RecordingsResult:
 
 def _labels(settings: Settings) -> tuple[str, ...]:
     """Labels asked for, given or by default; `eight` are those of the simulator."""
-    if settings.gestures == "eight":
+    if settings.own.gestures == "eight":
         return chosen_gestures(settings)
-    return tuple(name.strip() for name in settings.gestures.split(","))
+    return tuple(name.strip() for name in settings.own.gestures.split(","))
 
 
 def judged_touches(collection: Collection, only: Sequence[str]) -> list[Collected]:

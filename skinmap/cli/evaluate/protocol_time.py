@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, chosen_gestures, percent
+from skinmap.cli.evaluate.evaluation import Gestures, Rows, Settings, chosen_gestures, percent
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 from skinmap.recognition.protocols.results import StrokesRow, TimeResult
@@ -39,7 +39,7 @@ def work(settings: Settings) -> TimeResult:
 
     if settings.names:
         raise click.UsageError("--protocol time judges the default classifier: no --classifier")
-    gestures = TIME if settings.gestures == "four" else chosen_gestures(settings)
+    gestures = TIME if settings.own.gestures == "four" else chosen_gestures(settings)
     loaded, parts = open_robot(settings.robot or "icub", settings.parts)
     # Mirror images on both sides of the test would flatter.
     firsts = twin_parts({part: loaded.skin(part) for part in parts})
@@ -133,4 +133,4 @@ def lines(result: TimeResult) -> Iterator[str | Table]:
         yield f"{name} was left out: {why}"
 
 
-SETTINGS = Own
+SETTINGS = Gestures

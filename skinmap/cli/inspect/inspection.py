@@ -21,7 +21,7 @@ from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.flat_maps.drawing import read_drawing
 from skinmap.io.taxels.cyskin import read_cyskin
 from skinmap.io.taxels.cyskin_faults import file_faults, set_faults
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
 from skinmap.skin.cover import FAR, SkinFit, judge_standing, measure_fit
 from skinmap.skin.layouts import ModuleLayout, module_layout

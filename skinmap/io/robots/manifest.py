@@ -29,7 +29,7 @@ from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.robots.urdf import MeshBody, UrdfBody
 from skinmap.io.taxels.cyskin import has_channel, modules_of
-from skinmap.io.taxels.taxel_readers import read_taxels
+from skinmap.io.taxels.taxel_table import read_taxels
 from skinmap.io.text import MAX_CHANNEL, is_file, parse_whole, read_text
 from skinmap.io.units import UNITS
 from skinmap.skin.layouts import module_layout

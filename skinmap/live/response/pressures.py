@@ -1,19 +1,26 @@
-"""From what the sensors send to pressures: a response calibration, or a baseline of our own."""
+"""From what the sensors send to pressures: a response calibration, or a baseline of our own.
+
+Files of response calibrations, read through a group of entry points.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.errors import SkinMismatchError, SkinWarning
+from skinmap.errors import InvalidArrayError, SkinMismatchError, SkinWarning, UnknownNameError
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.source import StreamInfo
+from skinmap.registry import Registry
+from skinmap.skin.skin import fingerprint
+from skinmap.touch.prepared_skin import PreparedSkin
 
 REST = 2.0  # seconds in which a taxel must have been calm before it speaks
 CALM = 6.0  # counts between the 5th and 95th percentile that count as calm: noise of sd 1.8
@@ -370,3 +377,48 @@ def check_response(response: Any, skin: JoinedSkin, part: str) -> None:
             f"the response calibration of {part!r} has {len(response)} channels, "
             f"the skin has {len(own)} taxels"
         )
+
+
+# `load(path) -> Response`; `file` is the one of `skinmap calibrate response`.
+readers: Registry[Callable[[Path], Response]] = Registry(
+    "reader of response calibrations", "skinmap.responses"
+)
+
+
+def load_responses(specs: Sequence[str], skins: Mapping[str, PreparedSkin]) -> dict[str, Response]:
+    """Response calibrations by part.
+
+    Parameters
+    ----------
+    specs : sequence of str
+        "FILE", for the part whose layout was calibrated, or "PART=FILE".
+    skins : mapping of str to PreparedSkin
+        By part.
+
+    Raises
+    ------
+    UnknownNameError
+        No such part, or nobody reads such files.
+    MissingFileError, DataFormatError
+        No such file, or no calibration.
+    InvalidArrayError
+        A file that does not say which part it is of.
+    """
+    found: dict[str, Response] = {}
+    by_fingerprint = {fingerprint(skin.skin): part for part, skin in skins.items()}
+    for spec in specs:
+        part, equals, name = spec.partition("=")
+        if not equals:
+            part, name = "", spec
+        elif part not in skins:
+            raise UnknownNameError("part to calibrate", part, skins)
+        response = readers.get("file")(Path(name))
+        own = str(getattr(response, "fingerprint", ""))
+        part = part or by_fingerprint.get(own, "")
+        if not part:
+            raise InvalidArrayError(
+                f"{name} was calibrated on none of {', '.join(skins)}, or does not name its skin; "
+                "give PART=FILE"
+            )
+        found[part] = response
+    return found

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.source import Block, StreamInfo
+from skinmap.live.sources.source import Block, Counts, StreamInfo
 
 RANGE = (0.0, 255.0)  # counts
 JUMP = 1.0  # a clock that goes on by so much more than time passed was set anew [s]

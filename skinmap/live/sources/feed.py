@@ -10,10 +10,15 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from skinmap.errors import SkinMismatchError, UnreachableError
-from skinmap.live.sources.foreign_source import as_source
-from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.skins import check_skin
-from skinmap.live.sources.source import SIMULATION, Block, Source, StreamInfo
+from skinmap.live.sources.source import (
+    SIMULATION,
+    Block,
+    Counts,
+    Source,
+    StreamInfo,
+    as_source,
+    check_skin,
+)
 from skinmap.skin.robot import Robot
 
 STALE = 0.5  # seconds without a sample that are shown; a source slower than that has three periods

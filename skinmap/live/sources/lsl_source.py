@@ -14,10 +14,8 @@ import numpy as np
 
 from skinmap.errors import MessageError, SkinMismatchError, UnknownNameError, UnreachableError
 from skinmap.live.network.lsl_settings import load_lsl, read_description, split_scope
-from skinmap.live.sources.part_filter import follow
-from skinmap.live.sources.receiver import SILENT
-from skinmap.live.sources.skins import check_skin
-from skinmap.live.sources.source import MAX_BLOCK, Block, Source, StreamInfo
+from skinmap.live.sources.receiver import SILENT, follow
+from skinmap.live.sources.source import MAX_BLOCK, Block, Source, StreamInfo, check_skin
 from skinmap.skin.robot import Robot
 
 WAIT = 2.0  # for a stream of that name [s]

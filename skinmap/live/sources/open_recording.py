@@ -26,7 +26,7 @@ from skinmap.io.recordings.recorded_stream import (
 )
 from skinmap.io.ros2.bag import is_bag, mapping_of, read_bag
 from skinmap.live.sources.playback import Playback
-from skinmap.live.sources.skins import check_skin
+from skinmap.live.sources.source import check_skin
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import fingerprint
 from skinmap.touch.recording import Recording

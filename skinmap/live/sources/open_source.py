@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import Protocol
 
 from skinmap.errors import InvalidArrayError, MissingFileError, UnknownNameError
-from skinmap.live.sources.foreign_source import as_source
-from skinmap.live.sources.source import Source
+from skinmap.live.sources.source import Source, as_source
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
 
+SEED = "seed="  # a word of the simulator's address
 FILES = (".npz", ".mcap", ".xdf", ".xdfz", ".log", ".db3", ".csv", ".tsv", ".txt")
 
 
@@ -64,10 +64,10 @@ def open_source(
     Parameters
     ----------
     spec : str or Path
-        "sim", "sim:raw" or "sim:poke,stroke" (only these gestures), "mujoco:FILE", "lsl:NAME",
-        "zmq:HOST:PORT", "zenoh:", a recording (.npz, .mcap, .xdf, a data dumper's folder or
-        data.log, a bag of ROS 2), or "NAME" or "NAME:ADDRESS" of the group `skinmap.sources`. A
-        name wins over a file of that name; "./sim" is the file.
+        "sim" or "sim:raw,seed=3,poke,stroke" (raw values, a seed, only these gestures),
+        "mujoco:FILE", "lsl:NAME", "zmq:HOST:PORT", "zenoh:", a recording (.npz, .mcap, .xdf, a
+        data dumper's folder or data.log, a bag of ROS 2), or "NAME" or "NAME:ADDRESS" of the
+        group `skinmap.sources`. A name wins over a file of that name; "./sim" is the file.
     robot : Robot or str, optional
         Whose skin it must be; the simulator touches the iCub where none is given.
     parts : sequence of str, optional
@@ -146,13 +146,17 @@ def _simulated(
     from skinmap.touch.simulation.gestures import FOUR, TIME
     from skinmap.touch.simulation.things import STILL
 
-    raw, names = address == "raw", tuple(address.split(",")) if address not in ("", "raw") else FOUR
+    words = [word for word in address.split(",") if word]
+    raw = "raw" in words
+    seeds = [word.removeprefix(SEED) for word in words if word.startswith(SEED)]
+    names = tuple(one for one in words if one != "raw" and not one.startswith(SEED)) or FOUR
     unknown = [name for name in names if name not in (*STILL, *TIME)]
-    if unknown:
+    if unknown or not all(one.isascii() and one.isdecimal() for one in seeds):
         raise InvalidArrayError(
-            f"the simulator is 'sim' or 'sim:raw', not 'sim:{address}'; 'sim:GESTURE' takes "
-            f"gestures of: {', '.join((*STILL, *TIME))}"
+            f"the simulator is 'sim', or 'sim:' with raw, seed=N and gestures, commas between; not "
+            f"'sim:{address}'; gestures: {', '.join((*STILL, *TIME))}"
         )
+    seed = int(seeds[-1]) if seeds else seed
     return SimulatedSource(
         load_robot("icub") if robot is None else robot,
         parts=parts,

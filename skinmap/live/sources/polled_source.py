@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, Counts, Source, SourceEnded, StreamInfo
 
 Poll = Callable[[float, Counts], Iterable[Any]]
 

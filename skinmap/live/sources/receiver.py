@@ -1,17 +1,76 @@
-"""A receiving thread: takes what comes at once, keeps it within bounds, and counts the rest."""
+"""A receiving thread: takes what comes at once, keeps it within bounds, and counts the rest.
+
+Some parts of a source that sends more.
+"""
 
 from __future__ import annotations
 
 import threading
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from skinmap.live.bounded_queue import BoundedQueue
-from skinmap.live.sources.foreign_source import as_source
-from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.source import Block, Relay, Source, SourceEnded
+from skinmap.live.sources.source import (
+    Block,
+    Counts,
+    Relay,
+    Source,
+    SourceEnded,
+    StreamInfo,
+    as_source,
+)
+
+
+class ChosenParts(Relay):
+    """A source of which only some parts are handed on.
+
+    Parameters
+    ----------
+    source : Source
+        Closed with this.
+    parts : sequence of str
+
+    Raises
+    ------
+    UnknownNameError
+        A part that the source does not send.
+    """
+
+    def __init__(self, source: Source, parts: Sequence[str]) -> None:
+        super().__init__(source)
+        self._info, self._columns = source.info.only(parts)
+
+    @property
+    def info(self) -> StreamInfo:
+        """What is in a sample, of the chosen parts."""
+        return self._info
+
+    def read(self, timeout: float) -> Block | None:
+        """As the source's, with fewer channels."""
+        block = self.source.read(timeout)
+        if block is None:
+            return None
+        return Block(block.times, block.values[:, self._columns], block.arrived)
+
+
+def choose_parts(source: Source, parts: Sequence[str] | None) -> Source:
+    """The source itself, or only some of its parts."""
+    if not parts or tuple(parts) == source.info.parts:
+        return source
+    return ChosenParts(source, parts)
+
+
+def follow(source: Source, parts: Sequence[str] | None) -> Receiver:
+    """Some parts of a live source, received in a thread; the source is closed where that fails."""
+    try:
+        return Receiver(choose_parts(source, parts))
+    except BaseException:
+        source.close()
+        raise
+
 
 MAX_BYTES = 64_000_000  # kept for a slow reader: 3.7 s of a whole iCub at 1 kHz in float32
 OVERHEAD = 512  # bytes of a block beside its numbers: narrow ones weigh little else

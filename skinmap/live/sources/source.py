@@ -2,6 +2,12 @@
 
 for block in skinmap.live.open_source("lsl:demo"):
     block.times, block.values
+
+What has happened to the samples of a stream, on the way and here: one set of names.
+
+What a stream says of the skin it comes from, and whether it is the skin we have.
+
+Sources that do not derive from `Source`: the one place that asks what such a one has.
 """
 
 from __future__ import annotations
@@ -9,16 +15,83 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import FloatArray, check_finite, freeze
-from skinmap.errors import InvalidArrayError, SkinMismatchError
+from skinmap.errors import BrokenPluginError, InvalidArrayError, SkinMismatchError
 from skinmap.io.recordings.recorded_stream import Kind, StreamInfo
-from skinmap.live.sources.sample_counts import Counts
+from skinmap.skin.robot import Robot
+from skinmap.skin.skin import Skin, fingerprint
+
+
+@dataclass(slots=True)
+class Counts:
+    """Counts of a stream's samples; each station keeps its own.
+
+    Attributes
+    ----------
+    received : int
+        Number of samples that arrived.
+    given : int
+        Number of samples that a receiver passed on.
+    used : int
+        Number of samples used for contacts.
+    lost : int
+        Number of samples missing by the transport's numbers or by the times.
+    dropped : int
+        Left out because they were not used in time.
+    refused : int
+        Messages that do not follow their layout.
+    delayed : int
+        Blocks that came more than two periods after the one before.
+    late, repeated : int
+        Older than one that came before; of the same time: left out.
+    short, long : int
+        With too few or too many values: left out.
+    nan, out_of_range : int
+        With such values: those of the last sample stand in, or the end of the range.
+    restarts : int
+        Times that the clock began anew.
+    stale, reconnects : int
+        Times that nothing came for a while, and that a lost source was had again.
+    failed : int
+        Calls of subscribers that failed.
+    """
+
+    received: int = 0
+    given: int = 0
+    used: int = 0
+    lost: int = 0
+    dropped: int = 0
+    refused: int = 0
+    delayed: int = 0
+    late: int = 0
+    repeated: int = 0
+    short: int = 0
+    long: int = 0
+    nan: int = 0
+    out_of_range: int = 0
+    restarts: int = 0
+    stale: int = 0
+    reconnects: int = 0
+    failed: int = 0
+
+    def as_dict(self) -> dict[str, int]:
+        """By name."""
+        return asdict(self)
+
+    def joined(self, theirs: Counts) -> Counts:
+        """These and what a source counted on the way."""
+        both = {name: getattr(self, name) + getattr(theirs, name) for name in self.__slots__}
+        # Both see these: the larger one knows more.
+        for name in ("received", "lost"):
+            both[name] = max(getattr(self, name), getattr(theirs, name))
+        return Counts(**both)
+
 
 __all__ = [
     "MAX_BLOCK",
@@ -334,3 +407,98 @@ def check_block(info: StreamInfo, times: ArrayLike, values: ArrayLike, arrived: 
             f"its skin has {info.channels} channels"
         )
     return Block(np.asarray(times, np.float64), array, arrived)
+
+
+def live_width(skin: Skin) -> int:
+    """Channels of a part's live vector as far as taxels use it."""
+    return int(skin.channels.max(initial=-1)) + 1
+
+
+def check_skin(info: StreamInfo, robot: Robot) -> None:
+    """Refuse a stream that cannot come from a robot's skin.
+
+    Raises
+    ------
+    UnknownNameError
+        A part that the robot has not.
+    SkinMismatchError
+        A part with too few channels for its taxels, or with another layout.
+    """
+    for part, width in zip(info.parts, info.widths, strict=True):
+        skin = robot.skin(part)
+        if width != len(skin) and width < live_width(skin):
+            raise SkinMismatchError(
+                f"stream {info.name!r} has {width} channels for {part!r}; its {len(skin)} taxels "
+                f"on {robot.name!r} need {len(skin)}, or {live_width(skin)} of the live vector"
+            )
+        theirs = info.fingerprints.get(part)
+        if theirs is not None and theirs != fingerprint(robot.skin(part)):
+            raise SkinMismatchError(
+                f"stream {info.name!r} comes from another skin: the layout of {part!r} "
+                f"is not that of {robot.name!r}"
+            )
+
+
+NEEDED = ("info", "read", "close")
+LED = ("speed", "loop", "duration", "position", "seek")  # what a recording has
+
+
+def as_source(found: Any) -> Source:
+    """What a plug-in gave as a `Source`, itself or wrapped.
+
+    Raises
+    ------
+    BrokenPluginError
+        It lacks what every source has (says what).
+    """
+    if isinstance(found, Source):
+        return found
+    lacking = [name for name in NEEDED if not hasattr(found, name)]
+    if lacking:
+        raise BrokenPluginError(
+            f"{type(found).__name__} has no {', '.join(map(repr, lacking))}; a source has "
+            "'info', 'read' and 'close' (docs/live.md)"
+        )
+    if all(hasattr(found, name) for name in LED):
+        return _ForeignRecording(found)
+    return _ForeignSource(found)
+
+
+def _theirs(name: str) -> Any:
+    """A member that is the foreign source's own, or that of `Source` where it has none."""
+
+    def get(self: _ForeignSource) -> Any:
+        return getattr(
+            self.found if hasattr(self.found, name) else super(_ForeignSource, self), name
+        )
+
+    return property(get, lambda self, value: setattr(self.found, name, value))
+
+
+class _ForeignSource(Source):
+    """Adapter of a foreign source; where it lacks a member, the default of `Source` answers."""
+
+    def __init__(self, found: Any) -> None:
+        self.found = found
+        super().__init__(found.info)
+
+    info, last_seen, alive, speed = map(_theirs, ("info", "last_seen", "alive", "speed"))
+    angles_at = _theirs("angles_at")
+
+    def read(self, timeout: float) -> Block | None:
+        block: Block | None = self.found.read(timeout)
+        return block
+
+    def close(self) -> None:
+        self.found.close()
+
+    @property
+    def counts(self) -> Counts:
+        theirs = getattr(self.found, "counts", None)
+        return theirs if isinstance(theirs, Counts) else super().counts
+
+
+class _ForeignRecording(_ForeignSource, Seekable):
+    """Adapter of a foreign recording."""
+
+    speed, loop, duration, position, seek = map(_theirs, LED)

@@ -23,9 +23,15 @@ from typing import Any
 import numpy as np
 
 from skinmap.errors import BrokenPluginError, UnreachableError
-from skinmap.live.sources.foreign_source import LED, as_source
-from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.source import Block, Seekable, SourceEnded, StreamInfo
+from skinmap.live.sources.source import (
+    LED,
+    Block,
+    Counts,
+    Seekable,
+    SourceEnded,
+    StreamInfo,
+    as_source,
+)
 
 POLL = 0.2  # asked for at a time [s]
 MARGIN = 1.0  # after which a `read` has not kept its timeout, on a busy machine [s]

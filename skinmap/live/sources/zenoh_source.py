@@ -25,10 +25,15 @@ from skinmap.live.network.zenoh_ros2 import (
     open_session,
     parse_zenoh,
 )
-from skinmap.live.sources.part_filter import follow
-from skinmap.live.sources.receiver import SILENT
-from skinmap.live.sources.skins import check_skin
-from skinmap.live.sources.source import MAX_BLOCK, Block, Source, SourceEnded, StreamInfo
+from skinmap.live.sources.receiver import SILENT, follow
+from skinmap.live.sources.source import (
+    MAX_BLOCK,
+    Block,
+    Source,
+    SourceEnded,
+    StreamInfo,
+    check_skin,
+)
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import fingerprint
 

@@ -14,10 +14,8 @@ from numpy.typing import NDArray
 from skinmap.errors import MessageError, SkinMismatchError, UnreachableError
 from skinmap.live.network.addresses import Address, parse_address, warn_if_open
 from skinmap.live.network.network_messages import Header, unpack_header, unpack_info, unpack_values
-from skinmap.live.sources.part_filter import follow
-from skinmap.live.sources.receiver import SILENT
-from skinmap.live.sources.skins import check_skin
-from skinmap.live.sources.source import MAX_BLOCK, Block, Source, StreamInfo
+from skinmap.live.sources.receiver import SILENT, follow
+from skinmap.live.sources.source import MAX_BLOCK, Block, Source, StreamInfo, check_skin
 from skinmap.skin.robot import Robot
 
 logger = logging.getLogger(__name__)

@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError, SkinMismatchError
-from skinmap.geometry.distances import bridged_graph, path_distances
+from skinmap.geometry.proximity import bridged_graph, path_distances
 from skinmap.geometry.topology import edges, half_edges
 from skinmap.geometry.triangles import unit
 from skinmap.summary import Drawable, Summary, listed

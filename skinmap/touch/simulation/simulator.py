@@ -22,9 +22,9 @@ from scipy.sparse import csr_array
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import UnknownNameError
-from skinmap.geometry.distances import bridged_graph
 from skinmap.geometry.log_map import LogMaps
 from skinmap.geometry.point_surface import PointSurface
+from skinmap.geometry.proximity import bridged_graph
 from skinmap.geometry.rigid import plane_turns
 from skinmap.skin.skin import Skin, fingerprint
 from skinmap.touch.recording import Recording

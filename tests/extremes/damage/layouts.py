@@ -41,8 +41,7 @@ from skinmap.io.taxels.icub import read_icub
 from skinmap.io.taxels.skinware import read_skinware
 from skinmap.io.taxels.tactile_urdf import read_tactile_sensors, read_tactile_urdf
 from skinmap.io.taxels.taxel_export import write_icub, write_tactile_urdf
-from skinmap.io.taxels.taxel_readers import read_taxels
-from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE, read_csv
+from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE, read_csv, read_taxels
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.taxels import TaxelTable
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
@@ -259,7 +258,7 @@ CAL = "calibration.files.tables"
 TARGETS = [
     Target("taxels-csv", "t.csv", lambda: [HAND.read_bytes(), calibrated()], own,
            ("skinmap.io.taxels.taxel_table.read_csv",
-            "skinmap.io.taxels.taxel_readers.read_taxels")),
+            "skinmap.io.taxels.taxel_table.read_taxels")),
     Target("taxels-icub", "t.txt", lambda: [written(lambda p: write_icub(table(), p, name="h"))],
            read_icub, ("skinmap.io.taxels.icub.read_icub",)),
     Target("taxels-cyskin", "t.json", lambda: [cyskin()], walk_cyskin,
@@ -305,7 +304,7 @@ TARGETS = [
     Target("touches", "t.csv", lambda: [TOUCHES.encode()], by_board(read_touches),
            (f"{CAL}.read_touches",), ON_BOARD),
     Target("points", "p.csv", lambda: [POINTS.encode()], read_points, (f"{CAL}.read_points",)),
-    Target("batch", "b.csv", lambda: [BATCH], lambda p: read_batch(p, "mm"),
+    Target("batch", "b.csv", lambda: [BATCH], read_batch,
            ("calibration.commands.batch.read_batch",)),
     Target("numbers", "n.csv", lambda: [b"1,2,3\n4,5,6\n"], lambda p: read_numbers(p, None),
            (f"{CAL}.read_numbers",)),

@@ -14,10 +14,9 @@ import numpy as np
 
 from calibration.files.asked_places import read_places
 from calibration.files.mount_files import read_arrays, read_samples, read_wrenches
-from calibration.files.part_files import load_part_touches
 from calibration.files.plane_files import read_plane_evidence
-from calibration.files.probe_file import read_probes
 from calibration.files.robot_touches import load_robot_touches
+from calibration.files.self_touch_files import load_part_touches, read_probes
 from calibration.response import ResponseCalibration, load_response, save_response
 from skinmap import load_robot
 from skinmap.disk_cache import Cache
@@ -370,14 +369,14 @@ TARGETS = [
     *both("response", "t.npz", lambda: [response()], load_response,
           ("calibration.response.response_file.load_response",)),
     *both("self-touch", "A_B.npz", lambda: [self_touch()], lambda p: load_part_touches([p]),
-          ("calibration.files.part_files.load_part_touches",
+          ("calibration.files.self_touch_files.load_part_touches",
            "calibration.files.self_touch_files.read_touches",
            "calibration.files.mount_files.read_arrays"), PARTS),
     *both("robot-touches", "t.npz", lambda: [robot_touches()],
           lambda p: load_robot_touches([p], arm(), p.with_name("probes.toml")),
           ("calibration.files.robot_touches.load_robot_touches",), {"probes.toml": lambda: PROBES}),
     Target("probes", "probes.toml", lambda: [PROBES], read_probes,
-           ("calibration.files.probe_file.read_probes",)),
+           ("calibration.files.self_touch_files.read_probes",)),
     *both("presses", "p.npz", lambda: [presses()], lambda p: read_plane_evidence([p], arm()),
           ("calibration.files.plane_files.read_plane_evidence",)),
     Target("places", "places.csv", lambda: [PLACES], lambda p: read_places(p, "forearm"),

@@ -13,8 +13,7 @@ from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.loop import TouchLoop
 from skinmap.live.response.pressures import RestBaseline
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, Counts, SourceEnded, StreamInfo
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 

@@ -11,8 +11,7 @@ import numpy as np
 from skinmap.errors import DataFormatError
 from skinmap.io.taxels.taxel_table import COLUMNS, read_csv
 from skinmap.live.response.sample_checks import SampleChecks
-from skinmap.live.sources.sample_counts import Counts
-from skinmap.live.sources.source import Block, StreamInfo
+from skinmap.live.sources.source import Block, Counts, StreamInfo
 
 from .law import Law, Outside
 from .shapes import lattice, normals

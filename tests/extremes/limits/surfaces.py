@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skinmap.errors import InvalidArrayError, InvalidMeshError
-from skinmap.geometry.distances import edge_graph, path_distances
+from skinmap.geometry.proximity import edge_graph, path_distances
 from skinmap.geometry.rigid import rigid_fit, transform_points
 from skinmap.geometry.topology import check_surface, edges, euler_number
 from skinmap.geometry.triangles import face_normals, signed_areas, smallest_altitudes
