@@ -212,6 +212,11 @@ class LoadCalibration:
             )
         return counts
 
+    def above_rest(self, counts: ArrayLike) -> FloatArray:
+        """Counts (n,) by which taxels are pressed, whether theirs rise or fall; none below 0."""
+        away = np.asarray(counts, np.float64) - self.rest - self.shift
+        return np.asarray(np.maximum(away * np.sign(self.span), 0.0))
+
     def session(self, counts: FloatArray, rate: float, *, zero: Zero = "auto") -> Session:
         """Zero of a recording: its rest before load, where it has any."""
         gain, stuck = self._ends(counts)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -198,3 +199,25 @@ def test_recordings_keep_wrenches_with_covariance(folder: Path, tmp_path: Path) 
 def test_record_weighs_no_touches_without_names(folder: Path, tmp_path: Path) -> None:
     words = ["record", "sim", "-o", str(tmp_path / "a.mcap"), "--calibration", str(folder / "load")]
     assert "--label or --model" in CliRunner().invoke(cli, words).output
+
+
+def test_contacts_have_newtons_where_a_calibration_is_given(folder: Path, skin) -> None:
+    import skinmap
+
+    mesh = skinmap.build_surface(skin)
+    model = LoadCalibration.read(folder / "load")
+    away = np.linalg.norm(skin.positions - skin.positions[60], axis=1)
+    counts = 130.0 * np.exp(-0.5 * (away / 0.01) ** 2)
+    plain = skinmap.find_contacts(mesh, counts)
+    (weighed,) = skinmap.find_contacts(mesh, counts, calibration=model)
+    assert plain[0].load is None
+    low, force, high = (weighed.load.force[k] for k in (1, 0, 2))
+    assert 0 <= low < force < high
+    assert f"{force:.3g} N" in repr(weighed)
+    # Twice the counts on a straight line are twice the force.
+    (twice,) = skinmap.find_contacts(mesh, 1.5 * counts, calibration=model)
+    assert twice.load.force.value == pytest.approx(1.5 * force, rel=0.02)
+    (falling,) = skinmap.find_contacts(
+        mesh, 255 - counts, calibration=replace(model, rest=255 + 0 * model.rest, span=-model.span)
+    )
+    assert falling.load.force.value == pytest.approx(force, rel=1e-6)

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from skinmap.live.contacts.contact_forces import ContactForce, PartForces
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.skin.skin import fingerprint
+from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.load_calibration import NORMAL_90, LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -139,6 +141,21 @@ def heaviest_load(
     row = rows[int(sums.argmax())]
     moment = PASCALS * np.stack([one[row] for one in found]).astype(np.float64)
     return force_of(forces, np.flatnonzero(taxels), moment, calibration.doubt)
+
+
+def contact_loads(
+    mesh: SurfaceMesh, calibration: LoadCalibration, counts: FloatArray
+) -> Callable[[IntArray], ContactForce]:
+    """What finds the force of a contact on some taxels (k,) in one sample (n,) of raw counts."""
+    stream = calibration.stream()
+    found = PASCALS * np.stack(stream.update(calibration.checked(counts[None])[0]))
+    forces, shared = _part_forces(mesh, calibration), stream.session.shared
+    return lambda taxels: force_of(forces, taxels, found, shared)
+
+
+@lru_cache(maxsize=16)  # samples of the same skin follow each other
+def _part_forces(mesh: SurfaceMesh, calibration: LoadCalibration) -> PartForces:
+    return PartForces(PreparedSkin.of(mesh), calibration.answered)
 
 
 def load_calibrations(

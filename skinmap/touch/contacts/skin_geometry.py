@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import importlib
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,6 +20,10 @@ from skinmap.geometry.topology import edges, half_edges
 from skinmap.geometry.triangles import unit
 from skinmap.summary import Drawable, Summary, listed
 from skinmap.surface.surface_mesh import SurfaceMesh
+
+if TYPE_CHECKING:
+    from skinmap.live.contacts.contact_forces import ContactForce
+    from skinmap.touch.load_calibration import LoadCalibration
 
 ACTIVE = 12.0  # counts of 255: ten times the noise at rest
 POOL_SHARE = 0.5  # samples with at least this share of an event's largest load speak for it
@@ -224,6 +229,8 @@ class Contact(Summary):
         Of the skin under them [m2].
     peak, mean : float
         Largest and mean pressure [counts].
+    load : ContactForce or None
+        Force, area, moment and pressures with intervals, where a calibration was given.
     """
 
     taxels: IntArray
@@ -231,6 +238,7 @@ class Contact(Summary):
     area: float
     peak: float
     mean: float
+    load: ContactForce | None = None
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""
@@ -238,7 +246,7 @@ class Contact(Summary):
             "taxels": len(self.taxels),
             "area": f"{1e6 * self.area:.0f} mm2",
             "peak": f"{self.peak:.0f}",
-        }
+        } | ({} if self.load is None else {"force": self.load.in_words()})
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -253,12 +261,16 @@ class Contacts(Drawable, Sequence[Contact]):
         Of the sample [counts].
     number : (n,) int
         Contact of each taxel; -1 where it is not active.
+    weigh : callable or None
+        Force of the contact on some taxels (k,), where a calibration was given.
     """
 
     FIGURE: ClassVar = "skinmap.report.touch_figures:contacts_figure"
+    FORCES: ClassVar = "skinmap.live.response.loads"  # where `contact_loads` is found
     geometry: SkinGeometry
     pressures: NDArray[Any]
     number: IntArray
+    weigh: Callable[[IntArray], ContactForce] | None = None
 
     def __len__(self) -> int:
         return int(self.number.max(initial=-1)) + 1
@@ -274,7 +286,8 @@ class Contacts(Drawable, Sequence[Contact]):
         felt = np.asarray(self.pressures[taxels], np.float64)
         centre = np.average(self.geometry.mesh.vertices[taxels], 0, felt / felt.max())
         area = float(self.geometry.areas[taxels].sum())
-        return Contact(taxels, centre, area, float(felt.max()), float(felt.mean()))
+        load = None if self.weigh is None else self.weigh(taxels)
+        return Contact(taxels, centre, area, float(felt.max()), float(felt.mean()), load)
 
     @property
     def active(self) -> BoolArray:
@@ -291,7 +304,12 @@ class Contacts(Drawable, Sequence[Contact]):
         }
 
 
-def find_contacts(surface: SurfaceMesh | SkinGeometry, pressures: ArrayLike) -> Contacts:
+def find_contacts(
+    surface: SurfaceMesh | SkinGeometry,
+    pressures: ArrayLike,
+    *,
+    calibration: LoadCalibration | None = None,
+) -> Contacts:
     """Connected pieces of active taxels on a skin in one sample.
 
     Parameters
@@ -300,6 +318,9 @@ def find_contacts(surface: SurfaceMesh | SkinGeometry, pressures: ArrayLike) -> 
         Of n taxels. Measure a mesh once where many samples follow: `skinmap.touch.measure_skin`.
     pressures : (n,) array-like
         0 to 255 [counts]; above 12 a taxel is active.
+    calibration : LoadCalibration, optional
+        `LoadCalibration.read` of what `skinmap calibrate load` wrote. `pressures` are then raw
+        counts as they were calibrated, and each contact has a `load` in newtons.
 
     Returns
     -------
@@ -329,6 +350,11 @@ def find_contacts(surface: SurfaceMesh | SkinGeometry, pressures: ArrayLike) -> 
         raise InvalidArrayError(
             f"find_contacts takes one sample ({len(geometry)},), not {len(pressures)} samples"
         )
+    weigh = None
+    if calibration is not None:
+        loads = importlib.import_module(Contacts.FORCES)
+        weigh = loads.contact_loads(geometry.mesh, calibration, pressures)
+        pressures = calibration.above_rest(pressures)
     active = pressures > ACTIVE
     label = np.full(len(pressures), -1)
     index = np.flatnonzero(active)
@@ -339,7 +365,7 @@ def find_contacts(surface: SurfaceMesh | SkinGeometry, pressures: ArrayLike) -> 
         rank = np.empty(len(load), np.int64)
         rank[np.argsort(-load, kind="stable")] = np.arange(len(load))
         label[index] = rank[piece]
-    return Contacts(geometry, pressures, label)
+    return Contacts(geometry, pressures, label, weigh)
 
 
 def connected(links: IntArray, active: BoolArray, index: IntArray) -> IntArray:
