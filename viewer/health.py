@@ -21,6 +21,7 @@ from skinmap.touch.contacts.skin_geometry import ACTIVE
 STATES = ("ok", "never touched", "dead", "stuck", "saturated", "noisy", "unheard", "stale")
 OK, NEVER, DEAD, STUCK, SATURATED, NOISY, UNHEARD, STALE = range(len(STATES))
 MUTE = (DEAD, STUCK, NOISY, UNHEARD)  # what such a taxel reads is not a pressure
+MUTED = np.isin(np.arange(len(STATES)), MUTE)
 TOP = 255.0  # counts: a taxel that reads so much could be pressed harder and would not tell
 
 
@@ -109,7 +110,7 @@ class HealthWatch:
 
     def mute(self, part: str) -> BoolArray:
         """(n,) taxels of which no pressure is known, whatever they read."""
-        return np.isin(self._states[part], MUTE)
+        return np.asarray(MUTED[self._states[part]])
 
     def unfit(self, part: str) -> BoolArray:
         """(n,) taxels whose values mean nothing, whatever they read: to be marked on any layer."""

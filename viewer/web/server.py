@@ -56,7 +56,8 @@ LARGEST = 4096  # bytes of a message from a page: it sends wishes of some words
 CLIENTS = 8  # pages at once
 LEVEL = 6  # of gzip: a scene of the whole iCub takes a fifth of a second
 OPEN = 256  # connections at once, of those too that have not said what they want
-OPENING = 10.0  # for a request to come whole [s]
+OPENING = 20.0  # for a request to come whole, and for its answer to be taken [s]
+PIECE = 65_536  # bytes of an answer that are sent at once
 PATIENCE = 5.0  # for threads to end [s]
 SCENE = "scene.bin"
 
@@ -279,7 +280,7 @@ class WebServer:
             with contextlib.suppress(asyncio.CancelledError):
                 await news
 
-    def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
+    async def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Refuse, send a file, or let a WebSocket through (None)."""
         asked = self.guard.check(
             request.path,
@@ -304,7 +305,8 @@ class WebServer:
         more = page_headers(request.headers["Host"]) | {"Vary": "Accept-Encoding"}
         if any("gzip" in value for value in request.headers.get_all("Accept-Encoding")):
             content, more["Content-Encoding"] = packed, "gzip"
-        return _respond(connection, HTTPStatus.OK, content, kind, more)
+        answer = _respond(connection, HTTPStatus.OK, content, kind, more)
+        return await _in_pieces(connection, answer)
 
     async def _handle(self, connection: ServerConnection) -> None:
         from websockets.exceptions import ConnectionClosed
@@ -333,6 +335,28 @@ def _respond(
     headers["Content-Length"] = str(len(content))
     headers["Connection"] = "close"
     return Response(status.value, status.phrase, headers, content)
+
+
+async def _in_pieces(connection: ServerConnection, answer: Response) -> Response:
+    """Send all but the last piece of an answer; who reads slowly holds one piece, not a scene."""
+    from websockets.http11 import Response
+
+    class Rest(Response):
+        """The last piece: head and the others are sent."""
+
+        def serialize(self) -> bytes:
+            return self.body
+
+    whole, last = memoryview(answer.body), max(len(answer.body) - 1, 0) // PIECE * PIECE
+    if not last:
+        return answer
+    connection.transport.write(replace(answer, body=b"").serialize())
+    for start in range(0, last, PIECE):
+        if connection.transport.is_closing():
+            break
+        connection.transport.write(whole[start : start + PIECE])
+        await connection.drain()
+    return Rest(answer.status_code, answer.reason_phrase, answer.headers, bytes(whole[last:]))
 
 
 def serve_web(

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import http.client
 import json
 import socket
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -245,3 +247,30 @@ def test_stop_ends_pages_and_frees_the_port(start, live):
     server.stop()
     assert server.wait(0)
     bind("127.0.0.1", server.port).close()
+
+
+def test_slow_readers_of_the_scene_share_one_copy(start):
+    server = start()
+    host, path = f"127.0.0.1:{server.port}", f"/{server.guard.token}/scene.bin"
+    request = f"GET {path} HTTP/1.1\r\nHost: {host}\r\n\r\n".encode()
+
+    def resident() -> float:
+        return int(Path("/proc/self/statm").read_text().split()[1]) * 4096 / 1e6  # [MB]
+
+    before, readers = resident(), []
+    try:
+        for _ in range(100):
+            one = socket.create_connection(("127.0.0.1", server.port), timeout=10)
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+            one.sendall(request)
+            readers.append(one)
+        # Who comes then gets all of it, while the others have not read theirs.
+        late = http.client.HTTPConnection("127.0.0.1", server.port, timeout=10)
+        late.request("GET", path)
+        assert late.getresponse().read() == server.hub.scene.packed
+        late.close()
+        whole = 100 * len(server.hub.scene.packed) / 1e6
+        assert resident() - before < 0.4 * whole
+    finally:
+        for one in readers:
+            one.close()
