@@ -226,7 +226,7 @@ def patch_lines(result: PatchResult) -> Iterator[str]:
     yield from (f"  {line}" for line in (*result.reasons, *result.mesh_notes))
     yield f"predicted error: median {sd.median:.2f} mm, worst {sd.max:.2f} mm"
     yield (
-        f"left out, one is missed by {left.median:.2f} mm (median; "
+        f"each predicted from all others: off by {left.median:.2f} mm (median; "
         f"{result.leave_one_out_expected_mm.median:.2f} mm expected), {left.max:.2f} mm at most"
     )
     yield f"measure next: channels {', '.join(map(str, result.next))}"

@@ -32,6 +32,8 @@ NUMBERED = re.compile(r"_\d{4}$")  # a file that `record` went on with
 SAME_RATE = 1.1  # of two recordings; features of a touch's course differ beyond
 FALLBACK = "icub"  # the robot of a file that does not say its own
 
+SIMULATED = "simulated person"
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Collected:
@@ -47,6 +49,8 @@ class Collected:
         What the skin read before it, from the touch before on; nothing was touched.
     first : (f, n) uint8
         The first samples of the stretch that ends with it.
+    simulated : bool
+        Whether the simulator drew the person.
     """
 
     touch: Touch
@@ -57,6 +61,7 @@ class Collected:
     file: Path
     before: NDArray[np.uint8]
     first: NDArray[np.uint8]
+    simulated: bool = False
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -99,7 +104,8 @@ class Collection:
         labels = self.count("label")
         sessions = self.count("session", "label")
         alone = [label for label in labels if sum(one == label for _, one in sessions) == 1]
-        if alone:
+        drawn = all(one.simulated for one in self.touches)  # a simulator has no sessions
+        if alone and not drawn:
             where = {one: session for session, one in sessions}
             named = ", ".join(f"{label} ({where[label]})" for label in alone)
             yield (
@@ -107,7 +113,7 @@ class Collection:
                 "the touch; record each label in two or more"
             )
         people = {name for name in self.count("person") if name}
-        if len(people) < 2:
+        if len(people) < 2 and not drawn:
             yield "fewer than two people are named (`record --person`): others may touch otherwise"
         if self.stuck:
             yield f"{self.stuck} marked touches were left out: only stuck taxels were pressed"
@@ -246,7 +252,8 @@ def _touches(
         stretch = recording.pressures[quiet : start + len(rows)]
         own = recording.sessions[event] or session
         number = int(recording.subjects[event])
-        person = recording.people[event] or (f"{own}: {number}" if several else "")
+        drawn = several and not recording.people[event]
+        person = f"{own}: {SIMULATED} {number}" if drawn else recording.people[event]
         yield Collected(
             replace(touch, person=person),
             robot,
@@ -256,4 +263,5 @@ def _touches(
             file,
             recording.pressures[max(quiet, start - BEFORE) : start],
             stretch[:FIRST],
+            drawn,
         )

@@ -408,8 +408,13 @@ def _lines(result: TrainResult) -> Iterator[str]:
         yield f"{one.robot} {one.part}, {one.taxels} taxels: {one.touches} touches"
     if result.kinds and result.motions:
         yield f"kinds: {', '.join(result.kinds)}; motions: {', '.join(result.motions)}"
+    from skinmap.cli.collection import SIMULATED
+
+    drawn = sum(SIMULATED in name for name in result.people)
+    if drawn:
+        yield f"people: {drawn} simulated"
     for what, counts in (("sessions", result.sessions), ("people", result.people)):
-        if counts:
+        if counts and not drawn:
             yield f"{what}: {_counted(counts)}"
     both = (
         ("the same parts", result.accuracy.same_parts, result.tested.same_parts),
@@ -425,7 +430,7 @@ def _lines(result: TrainResult) -> Iterator[str]:
 
 
 def _counted(counts: Mapping[str, int]) -> str:
-    return first_few([f"{count} {name}" for name, count in counts.items()], SHOWN)
+    return first_few([f"{name} ({count})" for name, count in counts.items()], SHOWN)
 
 
 def _own_knobs(classifier: str, knobs: dict[str, Any]) -> dict[str, Any]:

@@ -10,6 +10,7 @@ from typing import Any
 from skinmap.rows import heading, value
 
 Cell = str | int | float | None
+ROUNDING = 1e-9  # what is less is an error of arithmetic in every unit that tables have
 WIDE = 200  # columns of a table where there is no terminal
 
 
@@ -74,7 +75,9 @@ def cell_text(cell: Cell, digits: int = 3) -> str:
     """A cell as text: numbers to some significant digits, a dash for nothing."""
     if cell is None:
         return "-"
-    return f"{cell:.{digits}g}" if isinstance(cell, float) else str(cell)
+    if isinstance(cell, float):
+        return "0" if abs(cell) < ROUNDING else f"{cell:.{digits}g}"
+    return str(cell)
 
 
 def _row(tag: str, kinds: Sequence[str], cells: Sequence[str]) -> str:

@@ -106,7 +106,8 @@ def test_seconds_end_a_stream_and_what_lasts_is_told(made, prepared, tmp_path):
 def test_people_get_lines_and_a_sentence(made):
     model, recording = made
     result = CliRunner().invoke(cli, ["classify", str(model), str(recording), "--seconds", "99"])
-    *touches, last = result.stdout.splitlines()
+    head, *touches, last = result.stdout.splitlines()
+    assert head.split() == ["began", "part", "touch", "sure", "lasted", "area", "path"]
     assert all(re.match(r" +[\d.]+ s  left_foot +\w+ +[01]\.\d\d", line) for line in touches)
     assert re.fullmatch(r"\d+ touches in \d+ samples, 0 lost; [\d.]+ ms from .*", last)
 

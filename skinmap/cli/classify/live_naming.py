@@ -49,6 +49,9 @@ if TYPE_CHECKING:
     from skinmap.touch.load_calibration import LoadCalibration
 
 WAIT = 0.2  # so often a silent source lets an interruption through [s]
+HEAD = (
+    f"{'began':>11}  {'part':18} {'touch':14} {'sure':>5}  {'lasted':>8}  {'area':>11}  {'path':>9}"
+)
 LATENCIES = 100_000  # the last ones, that the summary speaks of
 
 
@@ -185,6 +188,8 @@ class _Run:
             if self.as_json:
                 emit_line(LiveTouch.of(touch, load))
             else:
+                if self.touches == 1:
+                    click.echo(HEAD)
                 click.echo(
                     f"{touch.began:9.2f} s  {touch.part:18} {in_words(said):14} "
                     f"{touch.confidence:5.2f}  {touch.duration:6.2f} s  "

@@ -143,7 +143,7 @@ def lines(result: RecordingsResult) -> Iterator[str | Table]:
             row.folds,
             *by_class(row, classes),
             percent(row.mean),
-            percent(given(row.std)),
+            None if len(result.seeds) < 2 else percent(given(row.std)),
         ]
         for row in result.table
     ]
@@ -153,7 +153,7 @@ def lines(result: RecordingsResult) -> Iterator[str | Table]:
     for leak in result.leak:
         yield f"plain folds flatter {leak.classifier} by {leak.points:.1f} points"
     for name, why in result.skipped.items():
-        yield f"{name} was left out: {why}"
+        yield f"{name} was not judged: {why}"
 
 
 def _left_out(result: RecordingsResult) -> Iterator[str | Table]:
@@ -161,14 +161,17 @@ def _left_out(result: RecordingsResult) -> Iterator[str | Table]:
     rows: Rows = [
         [
             row.classifier, row.left_out, *(percent(row.per_class.get(name)) for name in classes),
-            percent(row.mean), percent(row.control), percent(row.first), percent(row.raw),
+            percent(row.mean), percent(row.right), percent(row.control), percent(row.first),
+            percent(row.raw),
             percent(row.chance), row.meaning or "",
         ]
         for row in result.left_out
         if row.mean is not None
     ]  # fmt: skip
-    head = ["classifier", "left out", *classes, "mean", "before", "first", "raw before", "chance"]
-    yield Table([*head, "means something"], rows)
+    head = ["classifier", "left out", *classes, "mean", "all", "before", "first", "raw", "chance"]
+    yield Table([*head, "sound"], rows)
+    yield "mean: of the labels; all: of all touches. Controls, near chance where nothing leaks:"
+    yield "before, first: named before the touches, from the first samples; raw: bare values before"
     for row in result.left_out:
         if row.verdict:
             yield f"{row.classifier}, {row.left_out}: {row.verdict}"

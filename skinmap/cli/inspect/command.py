@@ -113,6 +113,8 @@ def _lines(result: InspectResult) -> Iterator[str | Table]:
         for row in result.parts
     ]  # fmt: skip
     yield Table([*columns, "rebuilt", "inward", "covered", "verdict"], rows)
+    if any(row.rebuilt or given(row.inward) or given(row.covered) for row in result.parts):
+        yield "rebuilt: set apart from one place; inward: normals into the body; covered: below it"
     for row in result.parts:
         yield from (f"{row.name}: {warning}" for warning in row.warnings)
 
