@@ -156,7 +156,7 @@ CLASSIFY = [
             outside,
             unit,
         )
-        for name in ("contact-geometry", "histogram", "paper", "raw-rbf")
+        for name in ("contact-geometry", "histogram", "paper", "raw-rbf", "bovw")
         for axis, make, inside, outside, unit in (
             ("noise", noisy, (0.0, 2.0, 4.0), (), "counts"),
             ("dead taxels", dead, (0.0, 0.02, 0.05), (), "of the taxels"),
