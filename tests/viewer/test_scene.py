@@ -2,9 +2,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import pyvista as pv
 
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.geometry.rigid import transform_directions, transform_points
+from skinmap.touch.images.paper_image import paper_images
+from skinmap.touch.prepared_skin import PreparedSkin
 
 
 def places(scene, part):
@@ -132,6 +135,27 @@ def test_outline_surrounds_the_touch_on_body_and_flat_map(at_rest, press):
     flat = np.linalg.norm(np.asarray(at_rest.panel.outlines.points)[:, :2] - uv, axis=1)
     assert flat.min() > 0.012
     assert flat.max() < 0.025
+
+
+def test_the_contact_image_stands_beside_the_flat_map(at_rest, press):
+    panel = at_rest.canvas.panel
+    at_rest.show_flat_map("torso")
+    at_rest.update()
+    assert not panel._image.GetVisibility()  # nothing is pressed
+    pressures, _ = press("torso", 100)
+    at_rest.set_pressures("torso", pressures)
+    at_rest.update()
+    assert panel._image.GetVisibility()
+    shown = panel._image.GetMapper().GetInput()
+    columns, rows, _ = shown.GetDimensions()
+    assert columns / rows == pytest.approx(100 / 66, abs=0.03)
+    grey = np.asarray(pv.wrap(shown)["grey"]).reshape(rows, columns)[::-1]
+    skin = PreparedSkin(at_rest.layers["torso"].skin)
+    wanted = paper_images(skin.image_geometry, pressures[None], size=(rows, columns))[0]
+    np.testing.assert_array_equal(grey, wanted)
+    at_rest.set_layer("distortion")
+    at_rest.update()
+    assert not panel._image.GetVisibility()
 
 
 def reach(layer, touch, others=()):

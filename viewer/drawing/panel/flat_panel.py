@@ -6,11 +6,14 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 import pyvista as pv
+from vtkmodules.vtkRenderingCore import vtkActor2D, vtkImageMapper
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.live.contacts.named_touch import NamedTouch
+from skinmap.touch.images.contact_image import ContactImageGeometry, taxel_grid
+from skinmap.touch.images.paper_image import SIZE, paper_images
 from viewer.colours import FAINT, PANEL, RIM, touch_colour
 from viewer.colours import faded as pale
 from viewer.drawing.frame.camera import look_down
@@ -43,6 +46,8 @@ DOT = 0.9e-3  # largest radius of a dot [m]
 BORDER_RISE = 2e-3  # of the border above the map, over the discs [m]
 LINE_RISE = 3e-3  # of outlines above the map [m]
 FLAT = np.eye(4)
+IMAGE = 3.8  # height of the contact image in the head [font heights]
+LETTER = 0.62  # width of a letter of the caption beside it [font heights]
 
 
 class FlatPanel:
@@ -91,6 +96,14 @@ class FlatPanel:
             plotter.add_actor(actor, reset_camera=False, render=False)
         self.marks, self.rings = TouchMarks(plotter), Rings(plotter)
         self.marks.actor.prop.lighting = False
+        # The contact image of the second paper, pixel for pixel: not a thing of the scene.
+        self._image, self._levels = vtkActor2D(), vtkImageMapper()
+        self._image.SetMapper(self._levels)
+        self._levels.SetColorWindow(255.0)
+        self._levels.SetColorLevel(127.5)
+        self._image.SetVisibility(False)
+        self.renderer.AddViewProp(self._image)
+        self._grids: dict[str, ContactImageGeometry] = {}
         self._caption = Line(self.renderer, (SIDE, 0.965), font_px, bold=True)
         self._about = Line(self.renderer, (SIDE, 0.93), font_px, colour=FAINT)
         self._length = Line(self.renderer, (SIDE, 0.31), font_px, colour=FAINT)
@@ -152,6 +165,28 @@ class FlatPanel:
     ) -> None:
         """Colour the map as the body: values (n,) of its part and their field (v,)."""
         self.drawing.show(layer, style, field, values)
+        self._show_image(values if layer.name == "pressure" else np.zeros(0))
+
+    def _show_image(self, pressures: FloatArray) -> None:
+        """The contact image of pressures (n,), in the head of the panel; none where all rest."""
+        width, height = self.renderer.GetSize()
+        rows, columns = (round(side * IMAGE * self.font_px / SIZE[0]) for side in SIZE)
+        felt = np.nan_to_num(pressures)
+        # Beside the caption; not in a panel that has no room for both.
+        caption = SIDE * width + LETTER * self.font_px * len(f"flat map: {self.part}")
+        shown = bool((felt > 0).any()) and width > columns + caption
+        self._image.SetVisibility(shown)
+        if not shown:
+            return
+        if self.part not in self._grids:
+            self._grids[self.part] = taxel_grid(self.flat_maps[self.part])
+        grey = paper_images(self._grids[self.part], felt[None], size=(rows, columns))[0]
+        picture = pv.ImageData(dimensions=(columns, rows, 1))
+        picture.point_data["grey"] = grey[::-1].ravel()
+        self._levels.SetInputData(picture)
+        self._image.SetPosition(
+            width - columns - self.font_px / 2, height - rows - 0.2 * self.font_px
+        )
 
     def fit(self, font_px: int) -> float:
         """Place map, traces and list in the panel as large as it is; metres per pixel."""
