@@ -21,6 +21,7 @@ from skinmap.live.touched_taxels import Touched
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import find_structures
 from skinmap.touch.contacts.skin_geometry import ACTIVE
+from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.colours import (
     CATEGORIES,
@@ -63,6 +64,7 @@ TOUCHED_KINDS = {
     "last": ("touched last", "s, from the beginning of the recording"),
 }
 FULL_SCALE = 255.0  # counts
+KILOPASCALS = 100.0  # in a bar
 WORST_SD = 3.0  # [mm]: half a pitch of the finest skins; beyond, taxels are taken for neighbours
 WORST_STRAIN = 5.0  # [%]
 TURNS = 6  # structures that are turned by multiples of 60 degrees count as one
@@ -170,6 +172,8 @@ class Layers:
         States of each part's taxels, named as in `viewer.health.STATES`.
     ranges : mapping of str to (float, float), optional
         Values of a layer's first and last colour, in its unit.
+    loads : mapping of str to LoadCalibration, optional
+        Of parts whose pressures are shown in kPa, from 0 to the end of the calibrated range.
     touched : callable
         Gives where recordings touched the skin, when the layer "touched" is asked for.
 
@@ -201,6 +205,7 @@ class Layers:
         healths: Mapping[str, ArrayLike] | None = None,
         ranges: Mapping[str, tuple[float, float]] | None = None,
         touched: Callable[[], Touched | None] = lambda: None,
+        loads: Mapping[str, LoadCalibration] | None = None,
     ) -> None:
         for name in ranges or {}:
             check_layer(name)
@@ -211,7 +216,7 @@ class Layers:
             self._check(part)
         self.watch = HealthWatch({p: len(s) for p, s in self.skins.items()}, healths)
         self._made: dict[str, Layer] = {}
-        self._touches = touched
+        self._touches, self._loads = touched, dict(loads or {})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -237,7 +242,7 @@ class Layers:
     @property
     def counts(self) -> Layer:
         """Pressures in counts from 0 to 255, whatever range and unit the layer of them has."""
-        return self._pressure()
+        return _counts("pressure", "pressure", self._felt, PRESSURE_STOPS)
 
     def felt(self, moment: Moment) -> dict[str, FloatArray]:
         """Pressures (n,) [counts] of each part in a moment; NaN where a taxel is mute."""
@@ -286,7 +291,21 @@ class Layers:
         return table[part] if part in table else np.full(len(self.skins[part]), np.nan)
 
     def _pressure(self) -> Layer:
-        return _counts("pressure", "pressure", self._felt, PRESSURE_STOPS)
+        if not self._loads:
+            return self.counts
+        limits = (0.0, KILOPASCALS * max(float(one.top.max()) for one in self._loads.values()))
+        return replace(
+            self.counts, unit="kPa", limits=limits, missing="not calibrated", source=self._pressed
+        )
+
+    def _pressed(self, part: str, moment: Moment | None) -> FloatArray:
+        """(n,) pressures [kPa] of a part that is calibrated."""
+        sent = "raw" if moment is not None and part in moment.raw else "pressures"
+        counts = self._sent(sent, part, moment)
+        if part not in self._loads:
+            return np.full(len(counts), np.nan)
+        found = KILOPASCALS * self._loads[part].steady(counts)
+        return np.where(self.watch.mute(part), np.nan, found)
 
     def _raw(self) -> Layer:
         return _counts("raw", "raw value", partial(self._sent, "raw"), RAW_STOPS)

@@ -83,7 +83,7 @@ class Session:
     origin: float = math.nan
     touched_in: Path | None = None
     _touched: Touched | None = None
-    _loads: dict[str, LoadCalibration] = field(default_factory=dict)
+    calibrations: dict[str, LoadCalibration] = field(default_factory=dict)
 
     def prepare(self) -> None:
         """Prepare the skins that are shown, and read their load calibrations."""
@@ -91,7 +91,7 @@ class Session:
         if self.loads:
             from skinmap.live.response.loads import load_calibrations
 
-            self._loads = load_calibrations(self.loads, self.skins)
+            self.calibrations = load_calibrations(self.loads, self.skins)
 
     @property
     def healths(self) -> dict[str, Any]:
@@ -142,7 +142,7 @@ class Session:
             source,
             classifier=classifier,
             responses={p: r for p, r in self.responses.items() if p in shared},
-            calibrations={p: load for p, load in self._loads.items() if p in shared},
+            calibrations={p: load for p, load in self.calibrations.items() if p in shared},
             parts=shared,
             skins=self.skins,
             reopen=lambda: stepwise(self.open()),
@@ -330,6 +330,7 @@ def new_layers(session: Session, look: Look) -> Layers:
         healths=session.healths,
         ranges=look.ranges,
         touched=session.touched,
+        loads=session.calibrations,
     )
 
 

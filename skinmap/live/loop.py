@@ -315,6 +315,16 @@ class TouchLoop(Summary):
                 found[part] = {state: channels[words == state].tolist() for state in ILL}
         return found
 
+    @property
+    def zero_age(self) -> float | None:
+        """Age of the zero of the forces [s]; None without a load calibration."""
+        return None if self._loads is None else self._loads.age
+
+    def zero(self) -> None:
+        """Take the zero of the forces anew, as soon as nothing touches for 0.8 s."""
+        if self._loads is not None:
+            self._loads.zero()
+
     def levels(self, part: str, taxel: int) -> dict[str, float]:
         """What a taxel (a dense row) of a part is judged by.
 

@@ -217,6 +217,12 @@ class LoadCalibration:
         away = np.asarray(counts, np.float64) - self.rest - self.shift
         return np.asarray(np.maximum(away * np.sign(self.span), 0.0))
 
+    def steady(self, counts: ArrayLike) -> FloatArray:
+        """Pressure (n,) [bar] of a load that stands still; NaN where a taxel is not answered."""
+        scaled = (np.asarray(counts, np.float64) - self.rest - self.shift) / self.span
+        curve = self.weights[:, :4] * np.power.outer(scaled, np.arange(4))
+        return np.asarray(np.maximum(curve.sum(axis=1), 0.0))
+
     def session(self, counts: FloatArray, rate: float, *, zero: Zero = "auto") -> Session:
         """Zero of a recording: its rest before load, where it has any."""
         gain, stuck = self._ends(counts)

@@ -3,7 +3,9 @@ import pytest
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.live.moment import Moment
+from skinmap.memory_features import FEATURES
 from skinmap.neighbours.structures import find_structures
+from skinmap.touch.load_calibration import LoadCalibration
 from viewer.drawing.skin.taxel_drawing import fade
 from viewer.health import DEAD, NEVER, OK, SATURATED, STALE, STATES
 from viewer.layers import LAYERS, Layers
@@ -149,3 +151,21 @@ def test_states_are_those_of_the_response_calibration_and_stale():
     from calibration.response.response import Health
 
     assert set(STATES) == set(Health) | {"unheard", "stale"}
+
+
+def test_pressures_are_kilopascals_where_a_load_calibration_is_given(prepared):
+    n, line = 430, np.zeros((430, FEATURES))
+    line[:, 1] = 0.5
+    line[7] = np.nan
+    each = np.ones(n)
+    load = LoadCalibration(
+        line, 10 * each, 200 * each, 0 * each, 0.5 * each, 0.01 * each, 0.01, 50.0, "linear",
+        0 * each, 0.0,
+    )  # fmt: skip
+    layers = Layers({"torso": prepared("torso")}, loads={"torso": load})
+    layer = layers.get("pressure")
+    assert (layer.unit, layer.limits) == ("kPa", (0.0, 50.0))
+    found = layer.values("torso", Moment(0.0, {"torso": np.full(n, 110.0)}))
+    assert np.isnan(found[7])
+    np.testing.assert_allclose(np.delete(found, 7), 25.0)
+    assert layers.counts.unit == "counts"

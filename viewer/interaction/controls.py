@@ -62,6 +62,7 @@ KEYS = (
         | dict.fromkeys(("minus", "KP_Subtract"), SLOWER),
     ),
     Key("l", "loop", {"l": ("toggle_loop",)}),
+    Key("0", "zero forces, untouched", {"0": ("zero",), "KP_0": ("zero",)}),
     Key(
         "1 to 9",
         ", ".join(LAYERS[:4]),
@@ -232,6 +233,12 @@ class Controls:
         """Let a recording start again at its end, or not."""
         self.player.loop = not self.player.loop
         self.say("plays over and over" if self.player.loop else "plays once")
+
+    def zero(self) -> None:
+        """Take the zero of the forces anew."""
+        age = self.player.zero_age
+        self.player.zero()
+        self.say("no load calibration" if age is None else f"zero anew; it was {age:.0f} s old")
 
     # What is shown.
 

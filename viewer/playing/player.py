@@ -724,6 +724,16 @@ class Player:
             every = self._history.moments()
         return [one for one in every if first - 1e-9 <= one.time <= last + 1e-9 and not one.stale]
 
+    @property
+    def zero_age(self) -> float | None:
+        """Age of the zero of the forces [s]; None where there are none."""
+        return getattr(getattr(self._feed, "touches", None), "zero_age", None)
+
+    def zero(self) -> None:
+        """Take the zero of the forces anew, as soon as nothing touches."""
+        if self.zero_age is not None:
+            self._feed.touches.zero()  # type: ignore[attr-defined]
+
     def levels(self, part: str, taxel: int) -> dict[str, float]:
         """What is known of a taxel at rest, as `TouchLoop.levels`; nothing without a loop."""
         levels = getattr(getattr(self._feed, "touches", None), "levels", None)

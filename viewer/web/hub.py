@@ -31,6 +31,7 @@ LED = {
     "seek": "went to another time",
     "speed": "changed the speed",
     "loop": "changed the loop",
+    "zero": "set the zero of the forces",
 }
 SPANS = 0.5  # between two letters with the touches on the time line [s]
 WAIT = 0.1  # how long the player is waited for before it is asked for its state [s]
@@ -131,6 +132,7 @@ class Hub:
             "seek": self._seek,
             "speed": lambda _, wish: self._speed(wish),
             "loop": lambda _, wish: setattr(self.player, "loop", bool(wish.get("to"))),
+            "zero": lambda _, wish: self.player.zero(),
         }
 
     async def watch(self) -> None:
@@ -250,6 +252,7 @@ class Hub:
             "duration": finite(player.duration),
             "speed": player.speed,
             "loop": bool(player.loop),
+            "zero_minutes": None if player.zero_age is None else int(player.zero_age // 60),
             "ended": player.ended,
             "error": self.failure(),
             "unfit": self._unfit(),

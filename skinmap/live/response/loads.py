@@ -51,7 +51,17 @@ class PartLoads:
         self._stream = calibration.stream(rate or None)
         self._rest: list[FloatArray] = []
         self._found = np.full((3, len(skin)), np.nan)
-        self._old = time.time() - calibration.zeroed
+        self._when = calibration.zeroed
+
+    @property
+    def age(self) -> float:
+        """Age of the zero [s]."""
+        return time.time() - self._when
+
+    def zero(self) -> None:
+        """Take the zero anew as soon as nothing touches."""
+        self._stream.session = replace(self._stream.session, zeroed=False)
+        self._rest = []
 
     def take(self, counts: FloatArray, touched: bool) -> None:
         """Take samples (t, n) [counts]; `touched` where something is on any skin."""
@@ -65,13 +75,14 @@ class PartLoads:
         self._rest = [] if touched or abs(level) > REST_FAR else [*self._rest, counts]
         if sum(map(len, self._rest)) >= self._needed:
             self._stream.zero(np.concatenate(self._rest))
+            self._when = time.time()
             self._rest = []
 
     def force(self, taxels: IntArray) -> ContactForce:
         """Of the touch on some taxels (k,), by the newest sample."""
-        if not self._stream.session.zeroed and self._old > ZERO_LASTS:
+        if not self._stream.session.zeroed and self.age > ZERO_LASTS:
             return ContactForce.none(
-                f"its zero is {self._old / 3600.0:.0f} h old, and no rest came before the touch"
+                f"its zero is {self.age / 3600.0:.0f} h old, and no rest came before the touch"
             )
         return force_of(self.forces, taxels, self._found, self._stream.session.shared)
 
@@ -109,6 +120,16 @@ class Loads:
         """Take samples (t, N) [counts] in dense rows."""
         for part, one in self._parts.items():
             one.take(np.asarray(dense[:, self._rows[part]], np.float64), touched)
+
+    def zero(self) -> None:
+        """Take the zeros anew as soon as nothing touches."""
+        for one in self._parts.values():
+            one.zero()
+
+    @property
+    def age(self) -> float:
+        """Age of the oldest zero [s]."""
+        return max((one.age for one in self._parts.values()), default=0.0)
 
     def weigh(self, touches: tuple[NamedTouch, ...]) -> tuple[NamedTouch, ...]:
         """The touches with their forces."""

@@ -65,6 +65,7 @@ export class Controls {
     $("time").oninput = () => this.ask({ do: "seek", to: Number($("time").value) });
     $("speed").onchange = () => this.ask({ do: "speed", to: Number($("speed").value) });
     $("loop").onchange = () => this.ask({ do: "loop", to: $("loop").checked });
+    $("zero").onclick = () => this.zero();
   }
 
   // Whether nothing moves: one press of play changes that, at the end of a recording too.
@@ -103,6 +104,12 @@ export class Controls {
     if (!this.state.seekable) return this.say("a live source cannot be led through time");
     this.say(this.state.loop ? "plays once" : "plays over and over");
     this.ask({ do: "loop", to: !this.state.loop });
+  }
+
+  zero() {
+    if ((this.state.zero_minutes ?? null) === null) return this.say("no load calibration");
+    this.say("zero anew, as soon as nothing touches");
+    this.ask({ do: "zero" });
   }
 
   chooseLayer(place) {
@@ -272,6 +279,9 @@ export class Controls {
     this.timeline.draw(span, this.page.camera.ratio);
     if (document.activeElement !== $("speed")) $("speed").value = `${speed}`;
     $("loop").checked = loop;
+    const minutes = this.state.zero_minutes ?? null; // age of the zero of the forces
+    $("zero").hidden = minutes === null;
+    $("zero").textContent = `zero, ${minutes} min old`;
     this.write();
   }
 

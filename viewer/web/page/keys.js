@@ -16,6 +16,7 @@ export const KEYS = [
   [["+", "="], "+ -", "quicker, slower", (c) => c.changeSpeed(2)],
   [["-"], "", "", (c) => c.changeSpeed(0.5)],
   [["l"], "l", "loop", (c) => c.toggleLoop()],
+  [["0"], "0", "zero forces, untouched", (c) => c.zero()],
   [["1", "2", "3", "4", "5", "6", "7", "8", "9"], "1 to 9", "layers, as they are listed", (c, key) => c.chooseLayer(Number(key) - 1)],
   [["d"], "d", "discs or surface", (c) => c.toggleStyle()],
   [["n"], "n", "flat map of the next part", (c) => c.nextMap()],
