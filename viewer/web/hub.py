@@ -3,18 +3,24 @@
 from __future__ import annotations
 
 import asyncio
+import base64
 import json
 import math
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from skinmap.errors import SkinError
+import numpy as np
+
+from skinmap.errors import SkinError, UnknownNameError
 from skinmap.live.moment import Moment
+from viewer.drawing.touches.traces import COURSES
+from viewer.drawing.touches.traces import SPANS as PLOTTED
 from viewer.interaction.describe import describe
 from viewer.layers import LAYERS, Layer, Layers, check_layer, check_values
 from viewer.playing.player import Player
+from viewer.scene import make_plot
 from viewer.web.packing import finite
 from viewer.web.sample import SampleWriter, layer_message
 from viewer.web.scene_data import WebScene
@@ -33,8 +39,19 @@ LED = {
     "loop": "changed the loop",
     "zero": "set the zero of the forces",
 }
-SPANS = 0.5  # between two letters with the touches on the time line [s]
+SPANS = 0.5  # between two letters with the touches on the time line, at least [s]
+SPANS_A_SECOND = 4000.0  # that are told of at most
+PLOTS, POINTS = 0.1, 250  # between two letters with a plot [s], and its times at most
 WAIT = 0.1  # how long the player is waited for before it is asked for its state [s]
+
+
+class PlotWish(NamedTuple):
+    """What a page plots: taxels of a part, or a course of the touches, over so many seconds."""
+
+    plot: str
+    part: str
+    taxels: tuple[int, ...]
+    seconds: float
 
 
 @dataclass(eq=False, slots=True)
@@ -59,6 +76,8 @@ class Client:
         Makes the layer that is wanted: one at a time, however often a page asks.
     letters : dict of str to str
         Messages that wait, the newest of each kind: a page that asks and never reads fills nothing.
+    plot, plotted : PlotWish, and with the number of its sample
+        What it plots, and what it was told of that last.
     """
 
     layer: str
@@ -69,6 +88,8 @@ class Client:
     told: int = -1
     wake: asyncio.Event = field(default_factory=asyncio.Event)
     letters: dict[str, str] = field(default_factory=dict)
+    plot: PlotWish | None = None
+    plotted: tuple[PlotWish, int] | None = None
     making: asyncio.Task[None] | None = None
 
     def tell(self, message: dict[str, Any]) -> None:
@@ -121,7 +142,7 @@ class Hub:
         self._number = 0
         self._state: dict[str, Any] = {}
         self._waits = self._halts = waits
-        self._told_spans, self._next_spans = -1, 0.0
+        self._told_spans, self._next_spans, self._next_plots = -1, 0.0, 0.0
         self._structures: asyncio.Task[Layer] | None = None  # that finds them
         self._written: dict[str, bytes] = {}  # samples of now, by layer
         self._wishes: dict[str, Callable[[Client, dict[str, Any]], None]] = {
@@ -131,6 +152,7 @@ class Hub:
             "step": self._step,
             "seek": self._seek,
             "speed": lambda _, wish: self._speed(wish),
+            "plot": self._plot,
             "loop": lambda _, wish: setattr(self.player, "loop", bool(wish.get("to"))),
             "zero": lambda _, wish: self.player.zero(),
         }
@@ -160,6 +182,7 @@ class Hub:
                 self._written.clear()
             self._tell_state()
             self._tell_spans()
+            self._tell_plots()
             if changed:
                 for client in self.clients:
                     client.wake.set()
@@ -184,7 +207,7 @@ class Hub:
         client.tell({"kind": "hello", **about})
         client.tell(layer_message(self.layers.get(client.layer)))
         client.tell({"kind": "state", **self.state()})
-        client.tell({"kind": "spans", "spans": self.player.spans()})
+        client.tell(self._spans())
         self.clients.add(client)
         if self._waits:  # a recording begins when there is somebody to see it
             self._waits = False
@@ -235,7 +258,7 @@ class Hub:
             started = time.thread_time()
             about = {"number": self._number, **self.state()}
             shown = self.layers.get(layer)
-            made = self._writer.write(self._moment, shown, about, traced=True)
+            made = self._writer.write(self._moment, shown, about)
             self._written[layer] = made
             self.samples_written += 1
             self.seconds += time.thread_time() - started
@@ -284,10 +307,56 @@ class Hub:
         """Tell all pages of the touches on the time line, where there are others, not too often."""
         version, now = self.player.timeline.version, time.monotonic()
         if version != self._told_spans and self.clients and now >= self._next_spans:
-            self._told_spans, self._next_spans = version, now + SPANS
-            message = {"kind": "spans", "spans": self.player.spans()}
+            message = self._spans()
+            # Many touches are many bytes: they come more rarely.
+            self._told_spans = version
+            self._next_spans = now + SPANS + len(message["spans"]) / SPANS_A_SECOND
             for client in self.clients:
                 client.tell(message)
+
+    def _spans(self) -> dict[str, Any]:
+        """All touches on the time line, and the parts that have a lane."""
+        moment = self.player.moment
+        there = () if moment is None else moment.pressures
+        parts = [part for part in self.scene.skins if part in there]
+        return {"kind": "spans", "spans": self.player.spans(), "parts": parts}
+
+    def _tell_plots(self) -> None:
+        """Tell each page what it plots, up to what is shown, not too often."""
+        wishes = [client.plot for client in self.clients if client.plot is not None]
+        self.player.remember(max((one.seconds for one in wishes), default=0.0))
+        if self._moment is None or not wishes or time.monotonic() < self._next_plots:
+            return
+        self._next_plots = time.monotonic() + PLOTS
+        for client in self.clients:
+            wish = client.plot
+            if wish is None or client.plotted == (wish, self._number):
+                continue
+            client.plotted = (wish, self._number)
+            chosen = {wish.part: np.array(wish.taxels)} if wish.taxels else {}
+            made = make_plot(
+                self.player, self._moment.time, wish.seconds, wish.plot, chosen, wish.part,
+                self.layers,
+            )  # fmt: skip
+            client.tell({"kind": "plot", **made.to_json(POINTS)})
+
+    def _plot(self, client: Client, wish: dict[str, Any]) -> None:
+        """Plot something else from now on, or nothing."""
+        if wish["plot"] is None:
+            client.plot = None
+            return
+        plot, part = str(wish["plot"]), str(wish["part"])
+        bits = np.frombuffer(base64.b64decode(str(wish["taxels"]), validate=True), np.uint8)
+        taxels = tuple(np.flatnonzero(np.unpackbits(bits, bitorder="little")).tolist())
+        if plot not in ("taxels", *COURSES):
+            raise UnknownNameError("plot", plot, ("taxels", *COURSES))
+        if plot == "taxels" or taxels:
+            skin = self.scene.skins[part]
+            if not taxels or taxels[-1] >= len(skin):
+                raise ValueError("taxels that are not there")
+        seconds = min(max(_number(wish["seconds"]), PLOTTED[0]), PLOTTED[-1])
+        client.plot = PlotWish(plot, part, taxels, seconds)
+        self._next_plots = 0.0
 
     def _obey(self, client: Client, text: str | bytes) -> None:
         """Do what a page asks for; what makes no sense is answered with a line and forgotten."""

@@ -80,8 +80,6 @@ class SampleWriter:
         moment: Moment | None,
         layer: Layer,
         about: Mapping[str, Any],
-        *,
-        traced: bool = False,
     ) -> bytes:
         """A message of kind "sample".
 
@@ -93,16 +91,11 @@ class SampleWriter:
             Whose colours the page shows.
         about : mapping
             More for the header.
-        traced : bool
-            Send pressures for the page's traces too, where the layer shows something else.
         """
         self.problem = ""
         parts = self.scene.skins
         arrays: dict[str, NDArray[Any]] = {}
         arrays["values"] = np.concatenate([taxel_bytes(layer, part, moment) for part in parts])
-        counts = self.data.counts
-        if traced and (counts.name, counts.limits) != (layer.name, layer.limits):
-            arrays["felt"] = np.concatenate([taxel_bytes(counts, part, moment) for part in parts])
         touches = [] if moment is None else [t for t in moment.touches if t.part in parts]
         header: dict[str, Any] = {"kind": "sample", "layer": layer.name, **about}
         if moment is not None:
@@ -165,6 +158,7 @@ class SampleWriter:
         return {
             "part": touch.part,
             "label": touch.label,
+            "confidence": finite(round(touch.confidence, 4)),
             **answers_object(touch.answers),
             "text": caption(touch),
             "colour": touch_colour(touch),

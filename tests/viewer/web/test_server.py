@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import http.client
 import json
 import socket
@@ -148,18 +149,23 @@ def test_a_step_past_the_end_is_answered_with_a_notice(start, live):
         assert next_of(page, "notice")["text"] == "no further sample that way"
 
 
-def test_samples_of_other_layers_bring_the_pressures_for_traces(live, moments):
+def test_a_page_is_told_what_it_plots_and_of_nonsense_in_a_line(live, moments):
+    taxel = int(moments[1].touches[0].taxels[0])
+    bits = np.packbits(np.arange(430) == taxel, bitorder="little").tobytes()
+    wish = {"do": "plot", "part": "torso", "seconds": 10, "plot": "taxels"}
+    wish["taxels"] = base64.b64encode(bits).decode()
     with live() as page:
-        page.send('{"do": "layer", "to": "patches"}')
-        page.send('{"do": "drawn", "samples": 1}')
-        while True:
-            header, arrays = next_sample(page)
-            if header["layer"] == "patches":
-                break
-            assert "felt" not in arrays
-            page.send('{"do": "drawn", "samples": 2}')
-        assert arrays["felt"].size == arrays["values"].size
-        assert arrays["felt"].max() == 0  # at rest
+        page.send(json.dumps(wish))
+        plot = next_of(page, "plot")
+        assert plot["title"] == "torso, counts by channel"
+        assert plot["times"][-1] == 0
+        assert len(plot["lines"]) == len(plot["names"]) == 1
+        assert len(plot["lines"][0]) == len(plot["times"])
+        page.send(json.dumps({**wish, "plot": "probability"}))
+        assert next_of(page, "plot")["title"] == "touches: probability, %"
+        for wrong in ({"plot": "x"}, {"part": "x"}, {"taxels": "AAAA"}, {"seconds": "x"}):
+            page.send(json.dumps({**wish, **wrong}))
+            assert next_of(page, "problem")["text"]
 
 
 def test_a_large_message_ends_the_connection_and_nothing_else(live):

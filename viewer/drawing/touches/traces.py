@@ -21,7 +21,7 @@ from viewer.drawing.words.text_lines import Line, small_font
 
 Course = Literal["force", "pressure", "area", "probability", "speed"]
 COURSES: tuple[Course, ...] = get_args(Course)
-UNITS = {"force": "N", "pressure": "counts", "area": "mm2", "probability": "%", "speed": "mm/s"}
+UNITS = {"force": "N", "pressure": "counts", "area": "mm²", "probability": "%", "speed": "mm/s"}
 COLUMNS = {"force": 0, "pressure": 1, "area": 2, "probability": 3}  # of what is measured
 SECONDS, SAMPLES = 10.0, 500  # that are plotted: 50 a second
 SPANS = (1.0, 2.0, 5.0, 10.0, 20.0, 60.0)  # that a plot can have [s]
@@ -141,8 +141,15 @@ def plot_touches(
 ) -> Plot:  # fmt: skip
     """How touches went over `span` seconds up to a time [s]."""
     times, values, names, unit = courses(thinned(moments), course, len(TRACES), chosen)
-    known = values[np.isfinite(values)]
-    top = 100.0 if course == "probability" else round_up(float(known.max(initial=0.0)))
+    known = np.asarray(
+        np.isfinite(values).any(axis=0)
+    )  # touches that are over may have no probability
+    values, names = (
+        values[:, known],
+        [name for name, one in zip(names, known.tolist(), strict=True) if one],
+    )
+    largest = float(values[np.isfinite(values)].max(initial=0.0))
+    top = 100.0 if course == "probability" else round_up(largest)
     title = "largest pressure" if unit == "counts" else course
     return Plot(f"touches: {title}, {unit}", times - now, values, names, top, span)
 

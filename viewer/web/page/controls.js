@@ -15,7 +15,7 @@ export class Controls {
     this.about = {};
     this.words = new Words(page.header);
     this.kept = null; // the view that was saved last
-    this.timeline = new Timeline($("spans"));
+    this.timeline = new Timeline($("spans"), (to) => this.ask({ do: "seek", to }), () => this.stateChanged({}));
     for (const part of page.header.parts) {
       for (const id of ["part", "map-part"]) $(id).add(new Option(words(part.name), part.name));
     }
@@ -86,7 +86,7 @@ export class Controls {
 
   // To the beginning of the next touch that is known, or of the one before (-1).
   nextTouch(way) {
-    const here = this.state.position ?? 0, begun = this.timeline.spans.map(([from]) => from).sort((a, b) => a - b);
+    const here = this.state.position ?? 0, begun = this.timeline.spans.filter((span) => span[4]).map(([from]) => from).sort((a, b) => a - b);
     const to = way > 0 ? begun.find((one) => one > here + NEAR) : begun.findLast((one) => one < here - NEAR);
     if (to === undefined) this.say("no touch is known that way");
     else this.ask({ do: "seek", to });
@@ -211,7 +211,8 @@ export class Controls {
       pick: () => this.page.isPicked(message) && this.words.showTaxel(message),
       point: () => this.page.hover.tell(message),
       notice: () => this.say(message.text),
-      spans: () => this.timeline.set(message.spans),
+      spans: () => this.timeline.set(message.spans, message.parts),
+      plot: () => this.page.traces.take(message),
       problem: () => {
         this.words.tell(message.text, () => this.write());
         if (this.page.layer.table) this.words.showLayer(this.page.layer);
@@ -229,6 +230,7 @@ export class Controls {
     this.scene = scene;
     if ($("layer").options.length) {
       this.page.askLayer($("layer").value); // connected again: what was chosen stays chosen
+      this.page.traces.again();
       return;
     }
     for (const name of layers) $("layer").add(new Option(name, name));
@@ -273,10 +275,10 @@ export class Controls {
     $("play").setAttribute("aria-label", paused ? "play" : "pause");
     for (const id of ["speed", "loop"]) $(id).disabled = !seekable;
     $("time").disabled = !(span[1] > span[0]);
-    if (span[1] !== null) Object.assign($("time"), { min: span[0], max: span[1] });
+    if (span[1] !== null) this.timeline.draw(span, position ?? 0, this.page.camera.ratio);
+    if (span[1] !== null) Object.assign($("time"), { min: this.timeline.view[0], max: this.timeline.view[1] });
     if (document.activeElement !== $("time") || paused === false) $("time").value = position ?? 0;
     $("clock").textContent = this.told();
-    this.timeline.draw(span, this.page.camera.ratio);
     if (document.activeElement !== $("speed")) $("speed").value = `${speed}`;
     $("loop").checked = loop;
     const minutes = this.state.zero_minutes ?? null; // age of the zero of the forces

@@ -35,7 +35,7 @@ export const KEYS = [
   [["S"], "", "", (c) => c.lead((camera) => camera.move(0, 0.04))],
   [["A"], "", "", (c) => c.lead((camera) => camera.move(-0.04, 0))],
   [["D"], "", "", (c) => c.lead((camera) => camera.move(0.04, 0))],
-  [["k"], "k", "plot taxels, force, area, speed", (c) => c.nextPlot()],
+  [["k"], "k", "plot taxels, or how touches went", (c) => c.nextPlot()],
   [["g"], "g", "go to the touches", (c) => c.focus()],
   [["r"], "r", "the whole robot again", (c) => c.look("first")],
   [["a"], "a", "map follows touches", (c) => c.follow()],
@@ -53,6 +53,8 @@ const MOUSE = [
   ["click", "choose it, shift: its module"],
   ["", "ctrl: patch, both: add"],
   ["map", "drag draws a lasso, shift: add"],
+  ["lanes", "wheel: zoom, drag: move"],
+  ["plot", "wheel: zoom, point: values"],
 ];
 
 export function listen(controls) {

@@ -36,7 +36,7 @@ class Page {
     this.labels = new Labels($("labels"), $("leaders"));
     this.marks = new Marks(scene, this.picture, this.flat);
     this.chosen = new Chosen(scene);
-    this.traces = new Traces($("traces"), scene, this.chosen);
+    this.traces = new Traces($("traces"), this.chosen, (wish) => this.link.ask(wish));
     this.hover = new Hover(this);
     this.sample = null;
     this.layer = { name: "" };
@@ -128,8 +128,6 @@ class Page {
     const values = this.smoother.carry(arrays.values);
     this.picture.setValues(arrays.values, values);
     this.flat.setValues(arrays.values, values);
-    this.traces.history.add(header.time ?? NaN, arrays.felt ?? arrays.values);
-    this.traces.courses.add(header);
     this.marks.showSigns(message);
     this.marks.showTouches(message);
     this.controls.sampleCame(header);
@@ -144,7 +142,6 @@ class Page {
     const { values } = this.sample.arrays, { touches, signs } = this.sample.header, { parts } = this.header;
     const silent = parts.filter(({ taxels: [first, count] }) => values.subarray(first, first + count).every((code) => code === UNKNOWN));
     this.controls.words.showNotes(silent, parts, touches.length > 0, signs);
-    this.traces.show(this.flat.part);
     this.hover.ask();
     if (this.picked >= 0) this.link.ask({ do: "pick", ...this.taxel(this.picked) });
   }

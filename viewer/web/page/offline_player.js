@@ -1,8 +1,10 @@
 // Moments that stand in the page itself: what a file plays, where `Link` has a server.
 
+import { words } from "./dom.js";
 import { unpack } from "./packing.js";
+import { rowsOf } from "./traces.js";
 
-const [FULL, TOP, UNKNOWN] = [255, 254, 255]; // counts at full scale, their code, and that of none
+const [FULL, UNKNOWN] = [255, 255]; // counts at full scale, and the code of none
 const LEAST = 20; // shortest time that a moment is shown [ms]
 const round = (x, digits) => Number(x.toFixed(digits));
 
@@ -36,6 +38,7 @@ export class Film {
       seek: ({ to }) => this.show(this.at(to)),
       speed: ({ to }) => (this.speed = to),
       loop: ({ to }) => (this.loop = to),
+      plot: (wish) => this.plot(wish),
     };
     setTimeout(() => this.begin(header)); // when the page is all there
   }
@@ -44,7 +47,38 @@ export class Film {
     this.page.controls.connected(true);
     this.tell({ kind: "hello", layers: Object.keys(this.layers), style, size });
     this.setLayer(this.layer);
-    this.tell({ kind: "spans", spans: this.spans });
+    const seen = new Set(this.spans.map((span) => span[4]));
+    this.tell({ kind: "spans", spans: this.spans, parts: this.page.header.parts.map(({ name }) => name).filter((name) => seen.has(name)) });
+  }
+
+  // What is plotted, out of the moments that the file has: as viewer/drawing/touches/traces.py does.
+  plot(wish) {
+    this.wish = wish;
+    const { plot, part, seconds } = wish, taxels = rowsOf(wish.taxels), now = this.time(this.now), traces = this.page.header.traces;
+    if (!plot) return;
+    const rows = this.moments.filter((_, k) => this.time(k) <= now + 1e-6 && this.time(k) >= now - seconds);
+    const times = rows.map((row) => row.time - this.moments[this.now].time), told = { kind: "plot", times, span: seconds, levels: {}, note: "" };
+    if (plot === "taxels") {
+      const one = this.page.header.parts.find(({ name }) => name === part), first = one.taxels[0];
+      const felt = (row, k) => (row.felt.pressure ? this.arrays[row.felt.pressure][first + k] : NaN);
+      const few = taxels.length <= traces.length, known = (x) => (Number.isFinite(x) ? x : null);
+      const lines = few ? taxels.map((k) => rows.map((row) => known(felt(row, k)))) : [
+        rows.map((row) => known(taxels.reduce((sum, k) => sum + felt(row, k), 0) / taxels.length)),
+        rows.map((row) => known(Math.max(...taxels.map((k) => felt(row, k))))),
+      ];
+      const names = few ? taxels.map((k) => `${this.page.arrays["taxel.channels"][first + k]}`) : ["mean", `largest of ${taxels.length} taxels`];
+      this.tell({ ...told, title: `${words(part)}, counts${few ? " by channel" : ""}`, names, lines, top: FULL });
+      return;
+    }
+    const key = (touch) => `${touch.part}/${touch.identity}`, field = { area: "area_mm2", force: "force", probability: "confidence" }[plot] ?? "peak";
+    const last = new Map(rows.flatMap((row) => row.touches.map((touch) => [key(touch), touch]))), keys = [...last.keys()].reverse().slice(0, traces.length);
+    const lines = keys.map((one) => rows.map((row) => {
+      const value = row.touches.find((touch) => key(touch) === one)?.[field] ?? null;
+      return value !== null && plot === "probability" ? 100 * value : value;
+    }));
+    const most = plot === "probability" ? 100 : Math.max(1, ...lines.flat().filter((x) => x !== null)), power = 10 ** Math.floor(Math.log10(most));
+    const unit = { area: "mm²", force: "N", probability: "%" }[plot] ?? "counts";
+    this.tell({ ...told, title: `touches: ${field === "peak" ? "largest pressure" : plot}, ${unit}`, names: keys.map((one) => words(last.get(one).label)), lines, top: [1, 2, 5, 10].map((step) => step * power).find((x) => x >= most) });
   }
 
   tell(message) {
@@ -86,14 +120,13 @@ export class Film {
   show(number) {
     this.now = number;
     const moment = this.moments[number], arrays = { values: this.arrays[moment.values[this.layer]] };
-    const felt = this.arrays[moment.felt.pressure], shown = this.arrays[moment.values.pressure]; // not of mute taxels
-    arrays.felt = Uint8Array.from(shown, (code, k) => (felt && code !== UNKNOWN ? Math.round((felt[k] * TOP) / FULL) : UNKNOWN));
     if (moment.poses) arrays.poses = this.arrays[moment.poses];
     for (const { outline } of moment.touches) {
       arrays[outline] = this.arrays[outline];
       arrays[`${outline}.share`] = this.arrays[`${outline}.share`];
     }
     this.page.take({ header: { ...moment, ...this.state() }, arrays });
+    if (this.wish) this.plot(this.wish);
   }
 
   step(by) {
