@@ -345,7 +345,7 @@ async def _in_pieces(connection: ServerConnection, answer: Response) -> Response
         """The last piece: head and the others are sent."""
 
         def serialize(self) -> bytes:
-            return self.body
+            return bytes(self.body)
 
     whole, last = memoryview(answer.body), max(len(answer.body) - 1, 0) // PIECE * PIECE
     if not last:
