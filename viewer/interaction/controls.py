@@ -183,7 +183,7 @@ class Controls:
         if self._help.shown:
             self._help.hide()
         else:
-            self._help.tell(help_lines())
+            self._help.tell(("", *help_lines(), ""))
 
     def put_away(self) -> None:
         """Close what lies over the picture: the help, else the box at a taxel, else a notice."""

@@ -18,6 +18,8 @@ from viewer.drawing.words.text_lines import Line, small_font
 
 ASIDE = 1.1  # of the box from what it tells of, in letters
 SECONDS = 4.0  # that a notice stays [s]
+LEAST = 6  # height of letters that can be read at all [px]
+HEAD = 5.7  # of a notice's lower edge below the picture's upper end, in letters: under the status
 RING = 0.45  # radius of the mark on a taxel, in letters
 CORNERS = 24
 LEFT, RIGHT = 0.24, 0.97  # ends of the bar, in widths of the picture
@@ -81,6 +83,10 @@ class TextBox(Line):
         size = [0.0, 0.0]
         self.actor.GetSize(self.renderer, size)
         width, height = self.renderer.GetSize()
+        fits = min(width / max(size[0], 1.0), height / max(size[1], 1.0))
+        if fits < 1.0:  # smaller letters, rather than lines that are cut
+            self.style(max(math.floor(fits * self.font_px), LEAST))
+            self.actor.GetSize(self.renderer, size)
         if x is None or y is None:
             left, bottom = (width - size[0]) / 2, (height - size[1]) / 2
         else:
@@ -107,7 +113,8 @@ class Notice(TextBox):
         """Show a line for so long."""
         self._until = time.perf_counter() + seconds
         width, height = self.renderer.GetSize()
-        self.tell([text], 0.24 * width, 0.885 * height)
+        aside = ASIDE * self.font_px
+        self.tell([text], 0.02 * width - aside, height - HEAD * self.font_px - aside)
 
     def stay(self) -> None:
         """Keep the line until another takes its place."""

@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 ARROWS = "arrows: out of the skin at a touch, longer the harder; along it where it moves"
 TURN_STEP = 5.0  # how far the camera turns from one frame to the next [deg]
 NAMED = 4  # absent parts at most: a longer list would cover the body
+NARROW = 24.0  # width of a picture that has no room beside the body [font heights]
 FOOT = 1.6  # free below the body [font heights]
 COARSE_PX = 7.0  # spacing of taxels below which a sheet with fewer triangles looks the same [px]
 LEAST_FONT, FONTS = 11, 52  # smallest letters [px]; how many stand above each other
@@ -166,7 +167,8 @@ class Canvas:
 
     def _margins(self) -> Margins:
         unit = float(self.font_px)
-        return Margins(left=11 * unit, right=7 * unit, top=4.6 * unit, bottom=self._foot * unit)
+        left, right = (11, 7) if self.renderer.GetSize()[0] > NARROW * unit else (5, 2)
+        return Margins(left * unit, right * unit, top=4.6 * unit, bottom=self._foot * unit)
 
     def reserve(self, foot: float) -> None:
         """Keep so much free below the body [font heights]: something stands there."""

@@ -23,6 +23,8 @@ ROW = 1.55  # between two categories
 CLIPPED = ("uncertainty", "distortion")  # their values go beyond the limits
 BAR_STEPS = 64
 
+LOW = 24.0  # height of a picture that has room for notes, in letters
+
 
 class Legend:
     """Bar or list at the left of a renderer's picture, rebuilt only when it must change."""
@@ -58,6 +60,8 @@ class Legend:
         if key == self._shown:
             return
         self._shown, self._used, self._font_px = key, 0, font_px
+        if self.renderer.GetSize()[1] < LOW * font_px:
+            notes = ()  # a small picture has no room for them
         table = fade(layer.table) if faded else layer.table
         left = LEFT * font_px
         small = small_font(font_px)
