@@ -12,11 +12,15 @@ hand is made anew: five minutes.
 from __future__ import annotations
 
 import sys
-from collections.abc import Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from sklearn.exceptions import ConvergenceWarning
+from sklearn.neural_network import MLPClassifier
 
 from skinmap.io.robots.manifest import load_robot
 from skinmap.physics.simulation import simulate as press
@@ -24,8 +28,10 @@ from skinmap.physics.variants import TUNING
 from skinmap.recognition.answering import (
     MOVING,
     STAYS,
+    HandNetworks,
     Machine,
     ThreeAnswers,
+    hand_row,
     shape_row,
     train_machine,
 )
@@ -42,7 +48,7 @@ from skinmap.touch.simulation.simulator import simulate
 from skinmap.touch.simulation.things import HAND, OTHER, STILL
 
 ROBOT = "icub"
-KIND_ROWS, THING_ROWS, HAND_ROWS = 2400, 500, 3200  # that the machines for answers learn at most
+KIND_ROWS, THING_ROWS, MOTION_ROWS = 2400, 500, 4800  # that the machines for answers learn at most
 STATES = 6  # of the sensors of each part: what one state names right, another does not
 TOUCHES = 5  # of each gesture in each state: 30 on a part
 # MuJoCo's on one part of each pair: gestures, how many of each, in which variants, and the seed.
@@ -82,54 +88,101 @@ def all_touches() -> list[Touch]:
     return found
 
 
-# For the answers: all touches that stay, those in time, and the varieties of ours.
-ANSWERED = ((STILL, 2), (TIME, 1))
+# For the answers, how many of each name: all touches that stay and those in time, in the states of
+# the sensors of each part, and of those that stay as many in further states.
+BOTH, STAY = ((STILL, 2), (TIME, 1)), ((STILL, 2),)
 VARIETIES = (1.0, 2.0)
-GRIPS = ("three_finger", "whole_hand", "several_fingers", "grasp")
 # Things that press alike have one name.
 ALIKE = {"hard_ball": "ball", "rod": "cylinder", "table_edge": "edge", "link": "cylinder"}
+FEWER = 4  # touches that stay are so many times too many for sets of motions and things
+DEAD, EVERY = 0.2, 3  # share of dead taxels in copies, of every so many touches
+NETWORKS, HIDDEN, EPOCHS, BLUR = 4, (64, 64), 30, 0.1
+HANDS = 1.25  # counts for more than others: of held-out touches as many of both are right
+DECAY, LEAST_SCALE = 0.3, 0.03  # a weaker decay learns the training touches by heart
 
 
-def answer_touches() -> list[Touch]:
-    """All that kind, motion and hand are learnt from."""
-    robot = load_robot(ROBOT)
-    skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
-    first, found = mirror_pairs(skins), []
-    for number, (part, skin) in enumerate(skins.items()):
-        for state in range(STATES):
-            for variety in VARIETIES:
-                rng = np.random.default_rng([7, number, state, int(10 * variety)])
-                for names, count in ANSWERED:
-                    made = simulate(
-                        skin.skin, rng=rng, per_gesture=count, gestures=names, variety=variety
-                    )
-                    found += recorded_touches(skin, made)
-        print(f"{part}: {len(found)} touches to answer so far", flush=True)
-    for number, (part, skin) in enumerate(skins.items()):
-        for variant in TUNING if first[part] == part else ():
-            rng = np.random.default_rng([700, number])
-            for names, count in ANSWERED:
-                made = press(skin.skin, rng=rng, variant=variant, per_gesture=count, gestures=names)
-                found += recorded_touches(skin, made)
-        print(f"{part}: {len(found)} touches to answer so far", flush=True)
+class Seen(NamedTuple):
+    """A touch without its samples, and its numbers for each machine.
+
+    `shapes` are those for networks, of the touch itself and of a copy with dead taxels.
+    """
+
+    touch: Touch
+    row: Any
+    moving: Any
+    shapes: tuple[Any, ...]
+    ours: bool
+
+
+def seen(touches: Iterable[Touch], ours: bool) -> list[Seen]:
+    """What is learnt of some touches, where anything is felt."""
+    found: list[Seen] = []
+    rng = np.random.default_rng(99)
+    for touch in touches:
+        row = shape_row(touch)
+        if len(row) == 0:
+            continue
+        shapes = [hand_row(touch, row)]
+        works = rng.random(len(touch.skin)) >= DEAD
+        if len(found) % EVERY == 0:
+            copy = replace(touch, samples=touch.samples * works.astype(np.uint8))
+            worse = shape_row(copy)
+            shapes += [hand_row(copy, worse)] if len(worse) else []
+        bare = replace(touch, samples=touch.samples[:0])
+        found.append(Seen(bare, row[0], MOVING.describe(touch)[0], tuple(shapes), ours))
     return found
 
 
-def answers(touches: Sequence[Touch]) -> ThreeAnswers:
+def our_answers(
+    skins: Mapping[str, PreparedSkin], variety: float, states: Iterable[int], wanted: Any
+) -> Iterator[Touch]:
+    """Ours on all parts, in some states of their sensors."""
+    for number, skin in enumerate(skins.values()):
+        for state in states:
+            rng = np.random.default_rng([7, number, state, int(10 * variety)])
+            for names, count in wanted:
+                made = simulate(
+                    skin.skin, rng=rng, per_gesture=count, gestures=names, variety=variety
+                )
+                yield from recorded_touches(skin, made)
+
+
+def pressed_answers(skins: Mapping[str, PreparedSkin], variety: float) -> Iterator[Touch]:
+    """MuJoCo's on one part of each pair, in the variants that may be trained on."""
+    first = mirror_pairs(skins)
+    for number, (part, skin) in enumerate(skins.items()):
+        for variant in TUNING if first[part] == part else ():
+            rng = np.random.default_rng([700, number, *([20] if variety > 1.0 else [])])
+            for names, count in BOTH:
+                made = press(
+                    skin.skin, rng=rng, variant=variant, per_gesture=count, gestures=names,
+                    variety=variety,
+                )  # fmt: skip
+                yield from recorded_touches(skin, made)
+
+
+def answer_touches() -> list[Seen]:
+    """All that kind, motion and hand are learnt from."""
+    robot = load_robot(ROBOT)
+    skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
+    found: list[Seen] = []
+    further = range(STATES, 2 * STATES)
+    for variety in VARIETIES:
+        found += seen(our_answers(skins, variety, range(STATES), BOTH), True)
+        found += seen(our_answers(skins, variety, further, STAY), True)
+        found += seen(pressed_answers(skins, variety), False)
+        print(f"variety {variety:g}: {len(found)} touches to answer so far", flush=True)
+    return found
+
+
+def answers(touches: Sequence[Seen]) -> ThreeAnswers:
     """What answers kind, motion and hand."""
-    felt = [touch for touch in touches if len(shape_row(touch))]
-    rows = np.concatenate([shape_row(touch) for touch in felt])
-    moving = np.concatenate([MOVING.describe(touch) for touch in felt])
-    return answers_of(felt, rows, moving)
-
-
-def answers_of(touches: Sequence[Touch], rows: Any, moving: Any) -> ThreeAnswers:
-    """The same by their contact geometry (m, d) and motion (m, e)."""
-    label = np.array([touch.label for touch in touches])
-    stays = np.isin(label, STILL)
+    label = np.array([one.touch.label for one in touches])
+    rows = np.stack([one.row for one in touches])
+    moving = np.stack([one.moving for one in touches])
 
     def machine(used: Any, names: Any, numbers: Any = rows, **how: Any) -> Machine:
-        own = [touch for touch, one in zip(touches, used, strict=True) if one]
+        own = [one.touch for one, wanted in zip(touches, used, strict=True) if wanted]
         found = train_machine(
             numbers[used], names[used].tolist(), own, rng=np.random.default_rng(0), **how
         )
@@ -138,20 +191,48 @@ def answers_of(touches: Sequence[Touch], rows: Any, moving: Any) -> ThreeAnswers
             found.sets = set_calibration_from(single(found.sets.to_arrays()))
         return found
 
-    def whether(names: Sequence[str]) -> Any:
-        return np.where(np.isin(label, names), "hand", "other")
-
-    moves = np.where(stays | (label == "hold"), STAYS, label)
+    moves = np.where(np.isin(label, TIME) & (label != "hold"), label, STAYS)
+    some = np.arange(len(label)) % FEWER == 0
     things = np.array([ALIKE.get(one, one) for one in label.tolist()])
     return ThreeAnswers(
         {
             "kind": machine(np.isin(label, FOUR), label, most_rows=KIND_ROWS),
-            "other": machine(np.isin(label, OTHER), things, most_rows=THING_ROWS),
-            "motion": machine(label != "", moves, moving, most_rows=KIND_ROWS),
-            "hand": machine(stays, whether(HAND), most_rows=HAND_ROWS, sets=False),
-            "grip": machine(stays, whether(GRIPS), most_rows=HAND_ROWS, even=1.5, sets=False),
-        }
+            "other": machine(np.isin(label, OTHER) & some, things, most_rows=THING_ROWS),
+            "motion": machine(
+                np.isin(label, TIME) | some,
+                moves,
+                moving,
+                most_rows=MOTION_ROWS,
+                even=1.5,
+            ),
+        },
+        hand_networks(touches),
     )
+
+
+def hand_networks(touches: Sequence[Seen]) -> HandNetworks:
+    """Networks that name hands and things; ours, MuJoCo's, hands and others count alike."""
+    known = [(o, shape) for o in touches if o.touch.label not in TIME for shape in o.shapes]
+    label = np.array([one.touch.label for one, _ in known])
+    group = 2 * np.isin(label, HAND) + np.array([one.ours for one, _ in known])
+    weight = (len(known) / np.bincount(group))[group] / len(np.unique(group))
+    weight = weight * np.where(group >= 2, HANDS, 1.0)
+    rows = np.stack([shape for _, shape in known])
+    mean, scale = rows.mean(axis=0), np.maximum(rows.std(axis=0), LEAST_SCALE)
+    layers: list[list[Any]] = []
+    for number in range(NETWORKS):
+        blur = np.random.default_rng(number).normal(0.0, BLUR, rows.shape)
+        network = MLPClassifier(
+            HIDDEN, alpha=DECAY, batch_size=128, learning_rate_init=2e-3, max_iter=EPOCHS,
+            n_iter_no_change=EPOCHS, tol=0.0, random_state=number,
+        )  # fmt: skip
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ConvergenceWarning)  # as many epochs as wanted
+            network.fit((rows - mean) / scale + blur, label, sample_weight=weight)
+        pairs = zip(network.coefs_, network.intercepts_, strict=True)
+        layers.append([np.concatenate([one, more[None]]) for one, more in pairs])
+    made = [np.stack(one).astype(np.float16) for one in zip(*layers, strict=True)]
+    return HandNetworks(network.classes_, mean.astype(np.float32), scale.astype(np.float32), *made)
 
 
 def trained(touches: list[Touch]) -> TouchClassifier:

@@ -1,12 +1,13 @@
 """What gives three answers about a touch: with what, how it moves, and whether it is a hand.
 
-They stand beside the name that was trained (docs/touches.md). Each is the answer of one or two RBF
-machines on the numbers of contact geometry; sets of names hold the truth in nine of ten touches, by
-parts that were left out, and are wider where a touch is unlike those (`prediction_sets`).
+They stand beside the name that was trained (docs/touches.md). Kind and motion are the answers of
+RBF machines on the numbers of contact geometry; sets of names hold the truth in nine of ten
+touches, by parts that were left out, and are wider where a touch is unlike those
+(`prediction_sets`).
 
-Whether it is a hand has two machines: one knows grips, three fingers and more, from everything
-else, the other all hands from all others. A fingertip and a ball of its size press the same, so the
-second may say `unsure` at most of a hand. Kinds of things are named only where it is surely none.
+Whether it is a hand is the mean of some small networks on contact geometry and the shape of the
+contact, which name all hands and things; a fingertip and a ball of its size press the same, so
+there is `unsure`, too. Kinds of things are named only where it is surely no hand.
 """
 
 from __future__ import annotations
@@ -34,8 +35,11 @@ from skinmap.recognition.sets.prediction_sets import (
 )
 from skinmap.skin.checks import twin_parts
 from skinmap.touch.contacts.contact_geometry import FEATURES, contact_geometry
+from skinmap.touch.contacts.contact_shape import SIZE, contact_shape
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES, MOVES
+from skinmap.touch.contacts.skin_geometry import pool_event
 from skinmap.touch.simulation.gestures import TIME
+from skinmap.touch.simulation.things import HAND
 
 if TYPE_CHECKING:
     from skinmap.recognition.classifier import Classifier
@@ -45,11 +49,11 @@ REACH = MOTION_FEATURES.index("reach_mm")
 STAYS = "still"  # the motion of a touch that stays
 COVERAGE = 0.9  # of the sets
 SURE = (0.2, 0.8)  # probability of a hand below which it is none, and from which it is one
-GRIP = 0.5  # probability from which the machine for grips decides
-UNSURE = 0.79  # and the most that the other one says of a hand
+NO_HAND = 0.05  # probability up to which a thing is named: a finger named a thing is worse
 FOLDS = 5
 LEAST = 50  # rows of a name that are learnt, where there are so many
-PARTS = ("kind", "other", "motion", "hand", "grip")  # machines, by what they tell apart
+PARTS = ("kind", "other", "motion", "hand")  # machines, by what they tell apart
+NETWORKS = ("labels", "mean", "scale", "first", "second", "third")  # arrays of `HandNetworks`
 GROUPS = ("hand", "other")
 SHIPPED, MEMBER = Path(__file__).with_name("default.skinmodel"), "answers.npz"
 # What a model can lack, in the words of a note.
@@ -93,16 +97,68 @@ class Machine:
 
 
 @dataclass(eq=False, slots=True)
+class HandNetworks:
+    """Networks of two hidden layers that name hands and things; their mean counts.
+
+    Attributes
+    ----------
+    labels : (c,) str
+        Names of touches that they tell apart.
+    mean, scale : (d,) float
+        Of the rows that they learnt from.
+    first, second, third : (k, d + 1, h), (k, h + 1, h), (k, h + 1, c) float
+        Weights of each of k networks, the last row of a layer what it adds.
+    """
+
+    labels: NDArray[np.str_]
+    mean: FloatArray
+    scale: FloatArray
+    first: FloatArray
+    second: FloatArray
+    third: FloatArray
+
+    def __post_init__(self) -> None:
+        count, width, columns = len(self.first), self.first.shape[-1], len(self.mean)
+        sizes = ((columns + 1, width), (width + 1, width), (width + 1, len(self.labels)))
+        layers = (self.first, self.second, self.third)
+        fit = all(one.shape == (count, *size) for one, size in zip(layers, sizes, strict=True))
+        sound = all(np.isfinite(one).all() for one in (self.mean, self.scale, *layers))
+        if not fit or not sound or self.scale.shape != (columns,) or (self.scale <= 0.0).any():
+            raise InvalidArrayError("its networks for hands do not fit together")
+        if columns != len(FEATURES) + SIZE:
+            raise InvalidArrayError(
+                f"its networks for hands have {columns} columns, not {len(FEATURES) + SIZE}"
+            )
+
+    def probability(self, row: FloatArray) -> float:
+        """That a touch of a row (d,) of `hand_row` is a hand."""
+        found = (row - self.mean) / self.scale @ self.first[:, :-1] + self.first[:, -1]
+        for layer in (self.second, self.third):
+            found = np.maximum(found, 0.0)[:, None] @ layer[:, :-1]
+            found = found[:, 0] + layer[:, -1]
+        share = np.exp(found - found.max(axis=1, keepdims=True))
+        share /= share.sum(axis=1, keepdims=True)
+        return float(share[:, np.isin(self.labels, HAND)].sum(axis=1).mean())
+
+    def to_arrays(self) -> dict[str, NDArray[Any]]:
+        """What a model file keeps."""
+        return {name: getattr(self, name) for name in NETWORKS}
+
+
+@dataclass(eq=False, slots=True)
 class ThreeAnswers:
     """What gives the three answers.
 
     Attributes
     ----------
     machines : dict of str to Machine
-        By what they tell apart, some of `PARTS`; `kind`, `motion` and `hand` are always there.
+        By what they tell apart, some of `PARTS`; `kind` and `motion` are always there.
+    networks : HandNetworks or None
+        What tells a hand from others where no machine does.
     """
 
     machines: dict[str, Machine] = field(default_factory=dict)
+    networks: HandNetworks | None = None
 
     def of(self, touch: Touch) -> Answers | None:
         """The answers about a touch; None where nothing is felt."""
@@ -110,9 +166,9 @@ class ThreeAnswers:
         if len(row) == 0:
             return None
         skin = touch.skin.fingerprint
-        chance = self.hand_probability(row)
+        chance = self.hand_probability(touch, row)
         hand = hand_answer(chance)
-        thing = hand.answer == "other" and "other" in self.machines
+        thing = chance <= NO_HAND and "other" in self.machines
         return Answers(
             self.machines["other" if thing else "kind"].answer(row, skin),
             self.machines["motion"].answer(MOVING.describe(touch), skin),
@@ -120,28 +176,22 @@ class ThreeAnswers:
         )
 
     def completed(self, others: ThreeAnswers) -> ThreeAnswers:
-        """The same with the machines of others where it has none; its hand is asked alone."""
-        if set(self.machines) >= set(others.machines):
-            return self
+        """The same with what others have where it has none, but for things beside its own kinds."""
         taken = dict(others.machines)
-        for own, instead in (("hand", "grip"), ("kind", "other")):
-            if own in self.machines:
-                taken.pop(instead, None)
-        return ThreeAnswers({**taken, **self.machines})
+        if "kind" in self.machines:
+            taken.pop("other", None)
+        return ThreeAnswers({**taken, **self.machines}, self.networks or others.networks)
 
-    def hand_probability(self, row: FloatArray) -> float:
-        """That a touch of a row (1, d) of contact geometry is a hand."""
+    def hand_probability(self, touch: Touch, row: FloatArray) -> float:
+        """That a touch with a row (1, d) of contact geometry is a hand."""
+        if self.networks is not None and "hand" not in self.machines:
+            return self.networks.probability(hand_row(touch, row))
         machine = self.machines["hand"]
-        chance = float(machine.shares(row)[machine.labels.index("hand")])
-        if "grip" not in self.machines:
-            return chance
-        grips = self.machines["grip"]
-        grip = float(grips.shares(row)[grips.labels.index("hand")])
-        return grip if grip > GRIP else min(chance, UNSURE)
+        return float(machine.shares(row)[machine.labels.index("hand")])
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """What a model file keeps."""
-        return {
+        kept = {
             f"{name}.{key}": array
             for name, one in self.machines.items()
             for key, array in (
@@ -149,6 +199,8 @@ class ThreeAnswers:
                 *((f"sets.{k}", v) for k, v in (one.sets.to_arrays() if one.sets else {}).items()),
             )
         }
+        own = {} if self.networks is None else self.networks.to_arrays()
+        return kept | {f"networks.{name}": array for name, array in own.items()}
 
 
 def three_answers_from(arrays: Mapping[str, NDArray[Any]]) -> ThreeAnswers:
@@ -160,9 +212,17 @@ def three_answers_from(arrays: Mapping[str, NDArray[Any]]) -> ThreeAnswers:
         Machines that are missing, or do not fit together.
     """
     found = ThreeAnswers()
+    networks = _below(arrays, "networks.")
+    if networks:
+        if set(networks) != set(NETWORKS):
+            raise InvalidArrayError(f"its networks for hands need {', '.join(NETWORKS)}")
+        numbers = {key: np.asarray(networks[key], np.float64) for key in NETWORKS[1:]}
+        found.networks = HandNetworks(networks["labels"], **numbers)
+    # Copies of a model that shipped before had two machines for hands; what ships now is better.
+    copied = any(key.startswith("grip.") for key in arrays)
     for name in PARTS:
-        own = {k[len(name) + 1 :]: v for k, v in arrays.items() if k.startswith(f"{name}.")}
-        if not own:
+        own = _below(arrays, f"{name}.")
+        if not own or (name == "hand" and copied):
             continue
         machine = RbfMachine()
         machine.from_arrays(_below(own, "machine."))
@@ -177,7 +237,7 @@ def three_answers_from(arrays: Mapping[str, NDArray[Any]]) -> ThreeAnswers:
 
 
 def _below(arrays: Mapping[str, NDArray[Any]], head: str) -> dict[str, NDArray[Any]]:
-    return {k.removeprefix(head): v for k, v in arrays.items() if k.startswith(head)}
+    return {k[len(head) :]: v for k, v in arrays.items() if k.startswith(head)}
 
 
 def hand_answer(probability: float) -> HandAnswer:
@@ -201,8 +261,20 @@ def shape_row(touch: Touch) -> FloatArray:
     moving = MOVING.describe(touch)
     if moving[0, len(FEATURES) + REACH] <= MOVES:
         return still
+    return contact_geometry(touch.skin.geometry, _heaviest(touch))[None]
+
+
+def hand_row(touch: Touch, row: FloatArray) -> FloatArray:
+    """(d,) what networks for hands see: a row (1, e) of `shape_row`, and the contact's shape."""
+    stays = MOVING.describe(touch)[0, len(FEATURES) + REACH] <= MOVES
+    pressures = pool_event(touch.samples) if stays else _heaviest(touch)
+    return np.concatenate([np.log1p(row[0]), contact_shape(touch.skin.geometry, pressures)])
+
+
+def _heaviest(touch: Touch) -> FloatArray:
+    """(n,) the sample of the largest load."""
     load = touch.samples.sum(axis=1, dtype=np.int64)
-    return contact_geometry(touch.skin.geometry, touch.samples[int(load.argmax())])[None]
+    return touch.samples[int(load.argmax())].astype(np.float64)
 
 
 def train_machine(

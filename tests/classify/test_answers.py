@@ -14,14 +14,18 @@ from skinmap.cli.main import cli
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.recognition import Classifier, default_model
 from skinmap.recognition.answering import (
+    NETWORKS,
+    NO_HAND,
     SURE,
     check_groups,
     check_motions,
     hand_answer,
+    hand_row,
     lacking,
     read_groups,
     shape_row,
     shipped_answers,
+    three_answers_from,
 )
 from skinmap.recognition.answers import answers_object
 from skinmap.recognition.descriptors import Touch, recorded_touches
@@ -59,7 +63,8 @@ def test_sets_are_never_empty_and_begin_with_the_answer(told):
 
 def test_things_are_named_only_where_it_is_surely_no_hand(told):
     for _, found in told:
-        assert (found.kind.answer in FOUR) == (found.hand.answer != "other")
+        assert (found.kind.answer in FOUR) == (found.hand.probability > NO_HAND)
+    assert SURE[0] >= NO_HAND
 
 
 def test_answers_are_right_more_often_than_chance(told):
@@ -167,6 +172,52 @@ def test_a_model_of_before_is_read_and_what_it_lacks_is_told_once(torso, tmp_pat
     touch = json.loads(result.stdout)["touches"][0]
     assert set(touch["kind"]) == set(touch["motion"]) == {"answer", "probability", "set"}
     assert set(touch["hand"]) == {"answer", "probability"}
+
+
+def test_a_hand_is_the_mean_of_networks_that_name_hands_and_things(told):
+    shipped = shipped_answers()
+    assert set(HAND) < set(shipped.networks.labels.tolist())
+    touch, found = next((t, a) for t, a in told if t.label == "poke")
+    row = (hand_row(touch, shape_row(touch)) - shipped.networks.mean) / shipped.networks.scale
+    each = []
+    for layers in zip(*(getattr(shipped.networks, one) for one in NETWORKS[3:]), strict=True):
+        value = row
+        for number, layer in enumerate(layers):
+            value = (np.maximum(value, 0.0) if number else value) @ layer[:-1] + layer[-1]
+        share = np.exp(value - value.max())
+        each.append(share[np.isin(shipped.networks.labels, HAND)].sum() / share.sum())
+    assert len(each) > 1
+    assert found.hand.probability == pytest.approx(np.mean(each), abs=1e-9)
+
+
+def test_copies_of_a_model_that_shipped_before_take_the_networks_of_this_one(told):
+    shipped = shipped_answers()
+    arrays = {k: v for k, v in shipped.to_arrays().items() if not k.startswith("networks.")}
+    own = {k: v for k, v in arrays.items() if k.startswith("kind.")}
+    for name in ("hand", "grip"):  # two machines, of which one is asked first
+        arrays |= {k.replace("kind.", f"{name}."): v for k, v in own.items()}
+    before = three_answers_from(arrays)
+    assert set(before.machines) == {"kind", "other", "motion"}
+    whole = before.completed(shipped)
+    assert [whole.of(touch) for touch, _ in told] == [found for _, found in told]
+
+
+@pytest.mark.parametrize("wrong", ["short", "narrow", "nan", "lost", "flat"])
+def test_networks_that_do_not_fit_together_are_refused(wrong):
+    arrays = dict(shipped_answers().to_arrays())
+    head = "networks."
+    if wrong == "short":
+        arrays[head + "second"] = arrays[head + "second"][:1]
+    elif wrong == "narrow":
+        arrays[head + "mean"] = arrays[head + "mean"][:-1]
+    elif wrong == "nan":
+        arrays[head + "third"] = np.full_like(arrays[head + "third"], np.nan)
+    elif wrong == "lost":
+        del arrays[head + "first"]
+    else:
+        arrays[head + "scale"] = 0.0 * arrays[head + "scale"]
+    with pytest.raises(InvalidArrayError, match="its networks for hands"):
+        three_answers_from(arrays)
 
 
 def test_live_touches_have_answers():

@@ -69,7 +69,7 @@ def contact_geometry(geometry: SkinGeometry, pressures: FloatArray) -> FloatArra
         return np.zeros(len(FEATURES))
     load = pressures[index].astype(np.float64)
     piece = connected(geometry.bridged, active, index)
-    index, load, piece = _strongest(index, load, piece)
+    index, load, piece = strongest_taxels(index, load, piece)
     distances = geometry.distances(index, index)
     plane = skin_plane(geometry, index, load, distances)
     areas = geometry.areas[index]
@@ -181,10 +181,10 @@ def _tangents(geometry: SkinGeometry, index: IntArray, weight: FloatArray) -> Fl
     return np.array([[1.0 + sign * x * x * a, b], [sign * b, sign + y * y * a], [-sign * x, -y]])
 
 
-def _strongest(
+def strongest_taxels(
     index: IntArray, load: FloatArray, piece: IntArray
 ) -> tuple[IntArray, FloatArray, IntArray]:
-    """The strongest taxels where there are too many: a pressed torso must not stop the show."""
+    """Taxels (k,), loads and pieces of the strongest: a pressed torso must not stop the show."""
     if len(index) <= STRONGEST:
         return index, load, piece
     keep = np.sort(np.argsort(-load, kind="stable")[:STRONGEST])
