@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -74,7 +74,10 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
     start, seconds = wanted.at or 0.0, _length(session, wanted)
     if wanted.at is None and wanted.movie is None and wanted.html is None and seconds is None:
         start, seconds = fullest(session)
-    moments = best.watch(session.moments(seconds, start=start))
+    # A file is not live: a delay to a screen says nothing there.
+    moments = best.watch(
+        replace(one, latency=math.nan) for one in session.moments(seconds, start=start)
+    )
     excerpt = Excerpt()
     if wanted.html is not None and wanted.at is None:
         moments = excerpt.watch(moments)

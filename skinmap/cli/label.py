@@ -227,6 +227,9 @@ def by_keys(marks: Marks, track: RecordedStream, robot: Robot, name: str) -> Mar
         key, _, rest = line.strip().partition(" ")
         if key == "w":
             return editor.marks
+        if key in ("h", "?"):
+            click.echo(f"{KEYS}, w write, q end without writing", err=True)
+            continue
         if key == "q":
             raise click.UsageError("ended by q: nothing was written")
         try:

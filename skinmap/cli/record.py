@@ -26,7 +26,7 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.progress import is_quiet
 from skinmap.commands.retired import NO_PROFILE, retired
-from skinmap.report.present import present
+from skinmap.report.present import present, singular
 
 if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
@@ -242,7 +242,7 @@ def _lines(result: RecordResult) -> Iterator[str]:
 
 def _counted(touches: dict[str, int]) -> str:
     named = ", ".join(f"{count} {label}" for label, count in sorted(touches.items()))
-    return f"{sum(touches.values())} touches: {named}" if touches else "0 touches"
+    return singular(f"{sum(touches.values())} touches: {named}") if touches else "0 touches"
 
 
 class _Shown:

@@ -349,7 +349,7 @@ def work(
 def _lines(result: SimulateResult, asked: int) -> Iterator[str]:
     for row in result.parts:
         counts = ", ".join(
-            f"{count} {name}" + (f" (no room for {asked})" if count < asked else "")
+            f"{count} {name}" + (f" ({asked - count} do not fit)" if count < asked else "")
             for name, count in row.touches.items()
         )
         yield f"{row.part}: {row.samples} samples, {counts or 'no touch fits'}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -93,13 +94,23 @@ def write_files(stage: Path, refused: bool, write: Write | None, page: Page | No
     return files
 
 
+MANY = "touches|structures|samples|taxels|channels|recordings|modules|skins|parts|anchors|people"
+ONE = {"touches": "touch", "people": "person"}
+
+
+def singular(line: str) -> str:
+    """A line in which one thing is in the singular: "1 touch", not "1 touches"."""
+    rule = rf"(?<![\d.,])1 ({MANY})\b"
+    return re.sub(rule, lambda found: f"1 {ONE.get(found[1], found[1].rstrip('s'))}", line)
+
+
 def show(lines: Iterable[str | Table]) -> None:
     """Print words and tables for people."""
     for line in lines:
         if isinstance(line, Table):
             line.print()
         else:
-            click.echo(visible(line))
+            click.echo(singular(visible(line)))
 
 
 def emit(result: Any, number: Number = decimals) -> None:

@@ -83,7 +83,7 @@ def test_touches_that_find_no_room_are_told(tmp_path):
     words = ["simulate", "kaspar", "--part", "left_hand", "--per-gesture", "12", "-o"]
     result = CliRunner().invoke(cli, [*words, str(tmp_path / "t.npz")])
     assert "12 poke," in result.output
-    assert "whole_hand (no room for 12)" in result.output
+    assert "whole_hand (12 do not fit)" in result.output
 
 
 def test_folders_of_several_robots_are_trained_on(days, tmp_path):
