@@ -70,9 +70,12 @@ class PartLoads:
         self._found = PASCALS * self._stream.rows(counts)[:, -1]
 
     def _listen(self, counts: FloatArray, touched: bool) -> None:
+        if touched:
+            self._rest = []
+            return
         model, own = self._calibration, self.forces.answered
         level = np.median(((counts - model.rest) / model.span)[:, own]) if own.any() else np.inf
-        self._rest = [] if touched or abs(level) > REST_FAR else [*self._rest, counts]
+        self._rest = [] if abs(level) > REST_FAR else [*self._rest, counts]
         if sum(map(len, self._rest)) >= self._needed:
             self._stream.zero(np.concatenate(self._rest))
             self._when = time.time()
@@ -91,9 +94,9 @@ def force_of(
     forces: PartForces, taxels: IntArray, found: FloatArray, shared_bar: float
 ) -> ContactForce:
     """Force of a contact by values, low and high (3, n) [Pa] that have a doubt [bar] in common."""
-    half = np.maximum(found[2] - found[0], 1e-9)
+    half = np.fmax(found[2] - found[0], 1e-9)  # unknown: all of it shared
     share = np.minimum((NORMAL_90 * shared_bar * PASCALS / half) ** 2, 1.0)
-    return forces.contact(taxels, *found, shared=np.nan_to_num(share, nan=1.0))
+    return forces.contact(taxels, *found, shared=share)
 
 
 class Loads:
