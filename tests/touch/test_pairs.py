@@ -84,12 +84,12 @@ def test_every_gesture_fits_an_upper_leg_and_is_wider_where_it_should_be(icub):
 
 
 def test_habitual_touches_come_back_to_their_places(icub):
-    def spread(places):
+    def spread(places, gesture="poke"):
         recording = simulate(
             icub.skin("torso"),
             rng=np.random.default_rng(6),
             per_gesture=20,
-            gestures=["poke"],
+            gestures=[gesture],
             subjects=1,
             places=places,
             variety=0.0,
@@ -105,6 +105,9 @@ def test_habitual_touches_come_back_to_their_places(icub):
     # Four fifths of one subject's pokes lie within some 8 mm of one place of a chest of 130 mm.
     assert spread("habitual") < 15e-3
     assert spread("anywhere") > 25e-3
+    # As the first paper has it: grips at their places, pokes anywhere.
+    assert spread("grips") > 25e-3
+    assert spread("grips", "three_finger") < 15e-3
 
 
 def test_subjects_differ_and_are_recorded(icub):
