@@ -39,7 +39,7 @@ fuzz: $(READY)  ## damaged files and messages: FUZZ_EXAMPLES of each reader, the
 	$(BIN)/python scripts/fuzz.py --seconds $(FUZZ_SECONDS) $(TARGETS)
 
 audit: $(READY)  ## known holes of the pinned versions (asks the service of pip-audit)
-	$(BIN)/python scripts/audit.py
+	$(BIN)/pip-audit -r constraints.txt --no-deps --disable-pip --strict
 
 limits: $(READY)  ## docs/limits.md from the laws of tests/extremes/limits and what they measure
 	$(BIN)/python scripts/limits.py

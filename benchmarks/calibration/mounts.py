@@ -1,4 +1,4 @@
-"""Mounts from pairs, self-touch and wrenches; drift under a held press.
+"""Mounts from pairs and self-touch; drift under a held press.
 
 What rows were measured against is planted, and the evidence simulated.
 """
@@ -14,7 +14,6 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.calibration.self_touch_rows import simulated_rows
-from calibration.mount.mount_wrench import fit_wrench
 from calibration.mount.rigid_mount import Loss, MountFit, fit_mount
 from calibration.response.response import ResponseCalibration
 from skinmap.arrays import FloatArray
@@ -26,7 +25,7 @@ RATE, MINUTES, TAXELS, HELD, PRESS = 50.0, 10.0, 60, 6, 80.0
 
 def mount_rows(trials: int) -> list[dict[str, Any]]:
     """Error, honesty and time of every kind of mount."""
-    return [*pair_rows(), *wrench_rows(), *simulated_rows(trials)]
+    return [*pair_rows(), *simulated_rows(trials)]
 
 
 def pair_rows() -> list[dict[str, Any]]:
@@ -41,16 +40,6 @@ def pair_rows() -> list[dict[str, Any]]:
         rng = np.random.default_rng(0)
         runs = [_pair_run(rng, loss, outliers) for _ in range(RUNS)]
         rows.append(_row("pairs", f"{PAIRS} pairs, {name}", runs))
-    return rows
-
-
-def wrench_rows() -> list[dict[str, Any]]:
-    """Planted mounts from lines of force: 2 mm, 5 mN m, 2 to 10 N."""
-    rows = []
-    for touches, outliers in ((20, 0.0), (60, 0.0), (60, 0.2)):
-        rng = np.random.default_rng(0)
-        runs = [_wrench_run(rng, touches, outliers) for _ in range(RUNS)]
-        rows.append(_row("wrenches", f"{touches} touches, {100 * outliers:.0f} % outliers", runs))
     return rows
 
 
@@ -108,23 +97,6 @@ def _frames(rng: np.random.Generator, m: int) -> tuple[FloatArray, FloatArray]:
     frames[:, :3, :3] = Rotation.random(m, rng=rng).as_matrix()
     frames[:, :3, 3] = rng.normal(0, 0.1, (m, 3))
     return mount, frames
-
-
-def _wrench_run(rng: np.random.Generator, m: int, outliers: float) -> Run:
-    mount, frames = _frames(rng, m)
-    angle, height, radius = rng.uniform(-0.8, 0.8, m), rng.uniform(-0.06, 0.06, m), 0.05
-    points = np.stack([radius * np.sin(angle), height, radius * (np.cos(angle) - 1)], axis=1)
-    push = -np.stack([np.sin(angle), 0 * angle, np.cos(angle)], axis=1)
-    push += rng.normal(0, 0.3, (m, 3))
-    push *= (rng.uniform(2, 10, m) / np.linalg.norm(push, axis=1))[:, None]
-    T = frames @ mount
-    forces = np.einsum("mij,mj->mi", T[:, :3, :3], push)
-    pressed = points + rng.normal(0, 2e-3, (m, 3))
-    moments = np.cross(np.einsum("mij,mj->mi", T[:, :3, :3], pressed) + T[:, :3, 3], forces)
-    moments += rng.normal(0, 5e-3, (m, 3))
-    moments[rng.random(m) < outliers] += 0.5
-    fit, seconds = _timed(lambda: fit_wrench(points, frames, forces, moments, point_sigma=2e-3))
-    return fit, mount, points, seconds
 
 
 def drift_rows(seed: int = 0, *, most: int | None = None) -> list[dict[str, Any]]:

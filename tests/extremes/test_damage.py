@@ -5,7 +5,6 @@ from __future__ import annotations
 import ast
 import asyncio
 import dataclasses
-import importlib.util
 import io
 import warnings
 import zipfile
@@ -145,26 +144,6 @@ def test_views_with_huge_numbers_are_refused(tmp_path, digits, said):
     (tmp_path / "view.json").write_bytes(whole)
     with pytest.raises(DataFormatError, match=said):
         load_view(tmp_path / "view.json")
-
-
-@pytest.mark.parametrize(
-    ("packages", "code", "said"),
-    [
-        ([{"name": "a", "version": "1", "vulns": []}], 0, "0 known holes in 1 of 1"),
-        ([{"name": "a", "skip_reason": "not found"}], 2, "1 packages are unknown"),
-        (
-            [{"name": "a", "version": "1", "vulns": [{"id": "X-1", "fix_versions": ["2"]}]}],
-            1,
-            "a 1: X-1, mended in 2",
-        ),
-    ],
-)
-def test_audit_says_what_was_not_checked(capsys, packages, code, said):
-    spec = importlib.util.spec_from_file_location("audit", ROOT / "scripts" / "audit.py")
-    audit = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(audit)
-    assert audit.report(packages) == code
-    assert said in "".join(capsys.readouterr())
 
 
 def test_old_names_of_types_are_read_without_a_word(tmp_path):
