@@ -26,7 +26,7 @@ POPULATE_READ = 22  # MADV_POPULATE_READ of Linux's asm-generic/mman-common.h
 # What cases import: in no case's figures.
 IMPORTS = (
     "icub_models", "igl", "scipy.sparse.csgraph", "scipy.spatial", "trimesh", "lxml.etree",
-    "benchmarks.geometry.meshing", "skinmap.flat.flat_map", "skinmap.io.robots.manifest",
+    "benchmarks.geometry.geometry", "skinmap.flat.flat_map", "skinmap.io.robots.manifest",
     "skinmap.touch.prepared_skin", "pyvista.plotting", "viewer.scene",
 )  # fmt: skip
 PARTS, TAXELS = (1, 3, 13), (1_000, 3_000, 10_000, 30_000)
@@ -161,7 +161,7 @@ def _shown(case: int) -> Callable[[], int]:
 
 
 def _sheet(case: int) -> Callable[[], int]:
-    from benchmarks.geometry.meshing import wavy_skin
+    from benchmarks.geometry.geometry import wavy_skin
     from skinmap.touch.prepared_skin import PreparedSkin
 
     skin = wavy_skin(case)

@@ -10,11 +10,11 @@ import numpy as np
 from skinmap.arrays import IntArray
 from skinmap.errors import SkinMismatchError
 from skinmap.flat.flat_map import DEFAULT, FlatMap, flatten
-from skinmap.neighbours.geodesic_neighbours import geodesic_neighbourhoods
 from skinmap.neighbours.offsets import (
     LATTICE,
     Neighbourhoods,
     flat_map_directions,
+    geodesic_neighbourhoods,
     neighbourhoods,
 )
 from skinmap.neighbours.structures import RADIUS

@@ -9,9 +9,13 @@ from hypothesis import strategies as st
 from sklearn.metrics import adjusted_rand_score
 
 from skinmap.errors import InvalidArrayError
-from skinmap.neighbours.geodesic_neighbours import geodesic_neighbourhoods
 from skinmap.neighbours.matching import as_prototypes, match_costs, matcher, pairing, view
-from skinmap.neighbours.offsets import auto_radius, concatenate, neighbourhoods
+from skinmap.neighbours.offsets import (
+    auto_radius,
+    concatenate,
+    geodesic_neighbourhoods,
+    neighbourhoods,
+)
 from skinmap.neighbours.structures import assign, find_structures
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh

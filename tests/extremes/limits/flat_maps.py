@@ -11,8 +11,7 @@ from skinmap.flat.costs import geodesic_stress
 from skinmap.flat.distortion import measure_distortion
 from skinmap.flat.flat_map import flatten_disc
 from skinmap.io.robots.manifest import load_robot
-from skinmap.neighbours.geodesic_neighbours import geodesic_neighbourhoods
-from skinmap.neighbours.offsets import auto_radius, neighbourhoods
+from skinmap.neighbours.offsets import auto_radius, geodesic_neighbourhoods, neighbourhoods
 from skinmap.neighbours.structures import find_structures
 from skinmap.skin.skin import Skin, skin_from_points
 from skinmap.surface.surface_mesh import build_surface
