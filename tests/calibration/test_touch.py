@@ -154,7 +154,7 @@ def test_touch_command_says_where_to_touch_next(tmp_path, bent, rng):
         for number, touch in enumerate(touched(bent, 24, rng))
         for channel, value in zip(touch.channels.tolist(), touch.values.tolist(), strict=True)
     ]
-    words = ["calibrate", "touch", "-o", str(tmp_path / "out"), "--json"]
+    words = ["calibrate", "wrap", "-o", str(tmp_path / "out"), "--json"]
     for name in ("layout", "mesh", "touches"):
         file = {"layout": "board.csv", "mesh": "link.ply", "touches": "touches.csv"}[name]
         words += [f"--{name}", str(tmp_path / file)]
