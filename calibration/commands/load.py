@@ -313,5 +313,6 @@ def _errors(axes: Any, fit: LoadFit) -> None:
     own = fit.calibration.answered.nonzero()[0]
     axes.scatter(own, fit.calibration.error[own], s=9, color="#00795c")
     axes.set_xlabel("channel")
+    axes.xaxis.get_major_locator().set_params(integer=True)
     axes.set_ylabel("error, held out [bar]")
     axes.set_ylim(bottom=0)

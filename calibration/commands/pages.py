@@ -108,6 +108,7 @@ def response_picture(response: ResponseCalibration) -> bytes:
     axes[0].set_ylabel("baseline [counts]")
     axes[1].set_ylabel("noise [counts]")
     axes[1].set_xlabel("channel")
+    axes[1].xaxis.get_major_locator().set_params(integer=True)
     axes[0].legend(frameon=False, ncols=6, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return picture_bytes(figure)
 
