@@ -35,7 +35,7 @@ def played(request):
     """A simulated stream of one part, which of its taxels hang in truth, and its moments."""
     name, part, seed = request.param
     robot = skinmap.load_robot(name)
-    session = Session(robot, (part,), source="sim", seed=seed)
+    session = Session(robot, (part,), source=f"sim:seed={seed}")
     session.prepare()
     source = session.open(hurry=True)
     (stage,) = source._touching._stages
