@@ -35,11 +35,6 @@ FROM_AFAR = 1000  # steps from a convex map: a strip of 2.5 turns needs 356
 CLEAR = 0.3  # of the median border edge: within it the border pushes itself away
 
 
-def flattener_names() -> tuple[str, ...]:
-    """Names of the flattening methods, those of plug-ins included."""
-    return flatteners.names()
-
-
 def on_disc(method: Callable[[Disc], FloatArray]) -> Flattener:
     """A method of a `Disc` as one of vertices, faces and loop."""
 

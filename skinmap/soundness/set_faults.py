@@ -113,12 +113,6 @@ def _tail(right: int, count: int, share: float) -> float:
     )
 
 
-def _strength(survey: Survey, rows: IntArray) -> float:
-    """Strongest response of the skin in some rows, in thresholds of touch."""
-    cells = np.unique(survey.cell_of(rows))
-    return float((survey.response[cells] / np.maximum(survey.floor, 1e-12)).max())
-
-
 def _unfelt(
     survey: Survey, labels: list[str], rows: list[IntArray], bad: NDArray[np.bool_]
 ) -> list[Finding]:

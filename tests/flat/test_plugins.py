@@ -10,7 +10,7 @@ import pytest
 from skinmap import registry
 from skinmap.errors import SkinWarning
 from skinmap.flat.disc_map import map_disc
-from skinmap.flat.methods import flattener_names, flatteners
+from skinmap.flat.methods import flatteners
 from skinmap.geometry.topology import boundary_loops
 
 
@@ -31,7 +31,7 @@ def plugin(monkeypatch):
 def test_a_plugin_is_found_by_name_and_used(plugin, square_grid):
     vertices, faces = square_grid(5)
     plugin("from-above", lambda v, f, loop: v[:, :2])
-    assert "from-above" in flattener_names()
+    assert "from-above" in flatteners.names()
     flat = map_disc(vertices, faces, method="from-above")
     assert (flat.method, flat.fallback) == ("from-above", False)
     np.testing.assert_allclose(np.ptp(flat.uv, axis=0), 1.0, rtol=1e-12)
@@ -60,7 +60,7 @@ def test_a_plugin_that_fails_is_replaced_and_named(plugin, square_grid, method):
     assert (flat.method, flat.fallback) == ("bff", True)
 
 
-@pytest.mark.parametrize("name", flattener_names())
+@pytest.mark.parametrize("name", flatteners.names())
 def test_every_method_keeps_its_contract(name, half_cylinder):
     """What `Flattener` promises: a new (n, 2) array, the input as it was, the same each time."""
     vertices, faces = half_cylinder

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -278,3 +279,19 @@ def test_inspect_names_faults_of_files_one_by_one_and_together(document, tmp_pat
     refused = CliRunner().invoke(cli, ["inspect", paths[0], "icub"])
     assert refused.exit_code == 2
     assert "several tables, or one robot" in refused.stderr
+
+
+def test_three_faces_at_an_edge_are_named_with_the_way_to_mesh_anew(tmp_path):
+    held = json.loads(next(TAXELS.glob("*.json")).read_text())
+    skin = held["skin"]
+    first, second, _ = skin["faces"][0]
+    skin["faces"].append([second, first, len(skin["taxels"]) - 1])
+    skin["n_faces"] = len(skin["faces"])
+    path = tmp_path / "three.json"
+    path.write_text(json.dumps(held))
+    refused = CliRunner().invoke(cli, ["flatten", str(path), "--json"])
+    assert isinstance(refused.exception, DataFormatError)
+    assert re.search(r"lies in 3 faces.*--meshing consensus", str(refused.exception))
+    laid = CliRunner().invoke(cli, ["flatten", str(path), "--meshing", "consensus", "--json"])
+    assert laid.exit_code == 0, laid.output
+    assert [one["flips"] for one in json.loads(laid.stdout)["patches"]] == [0]
