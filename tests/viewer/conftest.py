@@ -65,6 +65,7 @@ def at_rest(scene):
         scene.set_pressures(part, np.zeros(len(scene.layers[part].skin)))
     scene.set_touches([])
     scene.set_title(None)
+    scene.set_layer("pressure")
     scene.show_flat_map("torso")
     scene.look(scene.front.azimuth)
     return scene
