@@ -67,6 +67,7 @@ from skinmap.skin.skin import Skin as Skin
 from skinmap.soundness.examination import examine as examine
 from skinmap.surface.surface_mesh import SurfaceMesh as SurfaceMesh
 from skinmap.surface.surface_mesh import build_surface as build_surface
+from skinmap.touch.contacts.skin_geometry import Contacts as Contacts
 from skinmap.touch.contacts.skin_geometry import find_contacts as find_contacts
 from skinmap.touch.histograms.codebook import Codebook as Codebook
 from skinmap.touch.histograms.codebook import learn_codebook as learn_codebook
