@@ -92,7 +92,7 @@ def lines(result: BaxterResult) -> Iterator[str | Table]:
         table: list[list[float]] = given(getattr(result.confusion, name)) or []
         method = given(getattr(result, name))
         plain = given(method.plain) if method else None
-        dealt = plain.confusion if plain else table
+        dealt = (given(plain.confusion) if plain else None) or table
         for number, label in enumerate(result.confusion.labels[: len(table)]):
             right = result.paper.get(name, {}).get(label)
             both = ["", ""] if right is None else [percent(right), percent(1.0 - right)]

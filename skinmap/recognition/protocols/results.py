@@ -302,13 +302,13 @@ class SplitSpread:
     max
         Largest value over the splits, 0 to 1.
     confusion
-        Mean shares: rows are the touches, columns the names they got.
+        Mean shares: rows are the touches, columns the names they got; not in older files.
     """
 
     mean: float
     min: float
     max: float
-    confusion: list[list[float]]
+    confusion: list[list[float]] | UnsetType = UNSET
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
