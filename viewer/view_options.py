@@ -20,6 +20,7 @@ from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
 from skinmap.live.sources.open_recording import open_recording
 from skinmap.live.sources.open_source import open_source
+from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import Seekable, Source, SourceEnded, is_live
 from skinmap.live.touched_taxels import Touched, recordings_of, touched_in
 from skinmap.recognition.classifier import TouchClassifier
@@ -83,6 +84,7 @@ class Session:
     origin: float = math.nan
     touched_in: Path | None = None
     _touched: Touched | None = None
+    _recording: Playback | None = None
     calibrations: dict[str, LoadCalibration] = field(default_factory=dict)
 
     def prepare(self) -> None:
@@ -101,12 +103,17 @@ class Session:
     def open(self, *, hurry: bool = False) -> Source:
         """Open the source; `hurry` for as fast as it is asked."""
         speed = math.inf if hurry else self.speed
-        return open_source(
+        if self._recording is not None:  # what is long is read once
+            return self._recording.again(speed)
+        source = open_source(
             self.source,
             robot=self.robot,
             parts=self.parts if self.simulated else None,
             speed=speed,
         )
+        if isinstance(source, Playback):
+            self._recording = source
+        return source
 
     def touched(self) -> Touched | None:
         """Where the skins were touched in the recordings; None without any."""

@@ -6,6 +6,7 @@ Where the messages are is known from a scan; their values are read when asked.
 from __future__ import annotations
 
 import json
+import threading
 from array import array
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterator, Sequence
@@ -62,7 +63,7 @@ from skinmap.io.taxels.taxel_table import parse_csv
 from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.true_motion import TrueMotion
 
-KEPT = 4  # chunks kept unfolded: who plays a recording comes by each of them once
+KEPT = 8  # chunks kept unfolded: each of some players comes by each of them once
 
 
 class Messages:
@@ -139,6 +140,7 @@ class Content:
     def __init__(self, index: Index) -> None:
         self._index = index
         self._kept: OrderedDict[int, bytes] = OrderedDict()
+        self._turn = threading.Lock()  # several players may read one recording
 
     def __call__(self, messages: Messages, row: int) -> bytes:
         """Bytes of one message.
@@ -148,20 +150,24 @@ class Content:
         DataFormatError
             The file has changed since it was opened.
         """
-        number = messages.chunks[row]
-        if number not in self._kept:
-            try:
-                with self._index.path.open("rb") as file:
-                    chunk = read_chunk(file, self._index.chunks[number])
-            except (OSError, *DAMAGED) as error:
-                raise DataFormatError(f"has changed since: {error}", self._index.path) from None
-            while len(self._kept) >= KEPT:
-                self._kept.popitem(last=False)
-            self._kept[number] = chunk
-        chunk, start, length = self._kept[number], messages.offsets[row], messages.lengths[row]
+        chunk = self._chunk(messages.chunks[row])
+        start, length = messages.offsets[row], messages.lengths[row]
         if length == 0:  # its record says it
             length = HEAD_OF_RECORD.unpack_from(chunk, start - CONTENT)[1] - MESSAGE_HEAD.size
         return chunk[start : start + length]
+
+    def _chunk(self, number: int) -> bytes:
+        with self._turn:
+            if number not in self._kept:
+                try:
+                    with self._index.path.open("rb") as file:
+                        chunk = read_chunk(file, self._index.chunks[number])
+                except (OSError, *DAMAGED) as error:
+                    raise DataFormatError(f"has changed since: {error}", self._index.path) from None
+                while len(self._kept) >= KEPT:
+                    self._kept.popitem(last=False)
+                self._kept[number] = chunk
+            return self._kept[number]
 
 
 class McapSamples:

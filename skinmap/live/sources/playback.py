@@ -78,6 +78,13 @@ class Playback(Seekable):
         self._speed = _checked(speed)
         self._anchor()
 
+    def again(self, speed: float) -> Playback:
+        """The same recording from its beginning, as a source of its own; nothing is read anew."""
+        return Playback(
+            self.info, self._times, self._values, speed=speed, loop=self._loop,
+            joints=self._joints, angles=self._angles, marks=self.marks, overview=self.overview,
+        )  # fmt: skip
+
     @property
     def speed(self) -> float:
         """Factor of the speed."""
