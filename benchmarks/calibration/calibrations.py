@@ -23,10 +23,10 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
+from benchmarks.calibration.checkup import checkup_rows
 from benchmarks.calibration.mounts import drift_rows, mount_rows
 from benchmarks.calibration.patches import Case, far_apart, icub_cases, simulate_touches
 from benchmarks.calibration.planes import plane_rows
-from benchmarks.calibration.wiring import wiring_rows
 from benchmarks.calibration.wraps import family_rows, measured, wrapped, wrong_rows
 from benchmarks.harness.record import RESULTS, about, commit, readable, write
 from benchmarks.harness.timing import timed
@@ -44,7 +44,7 @@ WRAPS = (  # anchors, scale and jitter of the layout [m], goals for median and p
     (8, 1.01, 0.3e-3, (0.8 * 1.15, 1.7 * 1.15)),
 )
 TABLES = ("wrap", "family", "wrong", "touch", "scan", "mount", "wiring", "plane", "drift")
-HEALTHY = 501  # skins without a fault: one false alarm in 500 is asked for at most
+HEALTHY = 201  # skins without a fault: one false alarm in 200 is asked for at most
 WRONG = 67  # inputs of each kind: 200 that are mirrored, misplaced or exchanged
 TOUCHES: tuple[tuple[int, dict[str, Any], float | None], ...] = (  # count, how, goal [mm]
     (32, {"noise": 1e-3}, 0.9),
@@ -124,7 +124,7 @@ def measure(
     repeats: int = 2,
     wrong: int = WRONG,
     scans: int = 50,
-    wirings: int = 140,
+    wirings: int = 35,
     planes: int = 30,
     trials: int = 20,
     only: Sequence[str] = TABLES,
@@ -143,8 +143,8 @@ def measure(
     scans : int
         Scans that are registered.
     wirings : int
-        Faulty wirings for each part and kind of touch; for each kind of touch as many healthy ones
-        as it takes to see one false alarm in 500, or nine times as many.
+        Check-ups of each part with a fault; as many of healthy skins as it takes to see one false
+        alarm in 200, or nine times as many.
     planes : int
         Trials of each row of presses on a table.
     trials : int
@@ -166,9 +166,11 @@ def measure(
         "scan": lambda: scan_rows(cases, 4 if quick else scans),
         "mount": lambda: mount_rows(2 if quick else trials),
         "wiring": lambda: (
-            wiring_rows(faulty=7, healthy=9, rests=20)
+            checkup_rows(faulty=2, healthy=3, rests=20, histories=1)
             if quick
-            else wiring_rows(faulty=wirings, healthy=healthy, rests=healthy)
+            else checkup_rows(
+                faulty=wirings, healthy=healthy, rests=healthy, histories=wirings // 3
+            )
         ),
         "plane": lambda: plane_rows(1 if quick else planes),
         "drift": lambda: drift_rows(most=1 if quick else None),

@@ -209,9 +209,19 @@ class SimulatedSkin(Source):
         `mute-chain:1`, `channels:12,15`, `dead:5`, `stuck:5`, `noisy:5`, `clipped:5`, `weak:5,40`.
     seed : int
         Of the touches; the skin is the same for all seeds.
+    patient : Patient, optional
+        The part, prepared before.
     """
 
-    def __init__(self, robot: Robot, part: str, plant: Sequence[str] = (), seed: int = 0) -> None:
+    def __init__(
+        self,
+        robot: Robot,
+        part: str,
+        plant: Sequence[str] = (),
+        seed: int = 0,
+        *,
+        patient: Patient | None = None,
+    ) -> None:
         skin, boards = robot.skin(part), boards_of(robot, part)
         super().__init__(StreamInfo("sim", (part,), (len(skin),), RATE, robot=robot.name))
         wiring, taxels = Wiring.as_mapped(boards), []
@@ -222,7 +232,7 @@ class SimulatedSkin(Source):
             else:
                 wiring = parse_fault(word, boards).apply(wiring, boards)
         self.person = Person(
-            Patient(skin), np.random.default_rng(7), wiring.sources(boards),
+            patient or Patient(skin), np.random.default_rng(7), wiring.sources(boards),
             clumsiness=Clumsiness(dead=(0.0, 0.0)), taxels=taxels,
             touches=np.random.default_rng([seed, 1]),
         )  # fmt: skip

@@ -49,7 +49,7 @@ AREAS = (
     Area("calibration", "benchmarks.calibration.calibrations",
          "accuracy and time of calibrations (simulated evidence)",
          {"repeats": 1, "wrong": 10, "scans": 16, "wirings": 7, "planes": 2, "trials": 4},
-         "23 runs a row instead of 46, 16 scans instead of 50, 7 faulty wirings instead of 140, "
+         "23 runs a row instead of 46, 16 scans instead of 50, 7 faulty check-ups of each part instead of 35, "
          "2 trials of presses instead of 30, 10 wrong inputs of each kind instead of 67, "
          "4 simulated self-touches instead of 20"),
     Area("live", "benchmarks.live.live",

@@ -481,6 +481,7 @@ class _Stream:
     def touch(self, level: dict[str, Baseline], plan: Plan) -> dict[str, FloatArray] | None:
         """Answers (t, n) by part from a touch's beginning to its end; None where none came."""
         kept: dict[str, list[FloatArray]] = {part: [] for part in self.columns}
+        last = {part: np.zeros(len(columns)) for part, columns in self.columns.items()}
         quiet, felt = 0, 0
         end = time.monotonic() + PATIENCE
         while time.monotonic() < end:
@@ -490,7 +491,10 @@ class _Stream:
             active = np.zeros(len(next(iter(block.values()))), bool)
             for part, values in block.items():
                 above = level[part].above(values)
-                active |= (above > THRESHOLD).any(axis=1)
+                # A channel that answers in one sample only is a spike; large skins have many.
+                held = np.minimum(above, np.vstack([last[part], above[:-1]]))
+                last[part] = above[-1]
+                active |= (held > THRESHOLD).any(axis=1)
                 for marker in plan.markers:
                     marker.feed(part, np.maximum(above[-1], 0.0))
             if not active.any() and not felt:
@@ -502,7 +506,8 @@ class _Stream:
                 felt += int(active.sum())
                 quiet = 0 if active[-1] else quiet + len(active)
             if felt and quiet > ENDS:
-                if felt >= BEGINS:
-                    return {p: level[p].answers(np.concatenate(v)) for p, v in kept.items()}
+                found = {p: level[p].answers(np.concatenate(v)) for p, v in kept.items()}
+                if felt >= BEGINS and max(one.max() for one in found.values()) > THRESHOLD:
+                    return found
                 kept, felt, quiet = {part: [] for part in self.columns}, 0, 0  # a spike
         return None

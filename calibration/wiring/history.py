@@ -123,7 +123,7 @@ def keep_checkup(
     OutputError
         A check-up of this second is there already.
     """
-    parts = {case.part: _kept(case) for case in examined.cases if case.rest is not None}
+    parts = {case.part: kept_part(case) for case in examined.cases if case.rest is not None}
     now = KeptCheckup(FORMAT, when.isoformat(timespec="seconds"), examined.robot,
                       result.status, [one.words for one in result.faults], parts)  # fmt: skip
     stem = folder / f"checkup_{when:%Y-%m-%dT%H-%M-%S}"
@@ -141,10 +141,9 @@ def keep_checkup(
             and one.parts[case.part].channels == case.boards.table.channels.tolist()
         ]  # fmt: skip
         if len(several) > 1 and case.doctor.status != "inconsistent":
-            own = [one.parts[case.part] for one in several]
-            gain, weight, noise = gains_over(case.boards, [one.touches for one in own])
-            times = [one.time for one in several]
-            changes += _changes(case.part, times, own, gain, weight, noise)
+            own, times = [one.parts[case.part] for one in several], [one.time for one in several]
+            found, gain = changes_of(case.boards, times, own)
+            changes += found
             courses.append((case.part, times, own, gain))
     files = [str(stem.with_suffix(".json"))]
     if courses:
@@ -154,7 +153,15 @@ def keep_checkup(
     return changes, files
 
 
-def _kept(case: Case) -> KeptPart:
+def changes_of(
+    boards: Boards, times: Sequence[str], kept: Sequence[KeptPart]
+) -> tuple[list[Change], FloatArray]:
+    """What changed over check-ups of a part, and the gains (e, n), logarithms."""
+    gain, weight, noise = gains_over(boards, [one.touches for one in kept])
+    return list(_changes(boards.part, times, kept, gain, weight, noise)), gain
+
+
+def kept_part(case: Case) -> KeptPart:
     """What is kept of a part: touches where its wiring is as mapped."""
     assert case.rest is not None
     wrong = {c for found in case.doctor.found for c in found.fault.channels(case.boards)}
@@ -266,7 +273,7 @@ def _beside(one: _Laid, gains: FloatArray) -> tuple[FloatArray, FloatArray]:
         weight = 1.0 / np.maximum(1.0, np.abs(gap) / (1.5 * size)) ** 2
     lever = np.clip(weight * np.einsum("ij,jk,ik->i", one.terms, inverse, one.terms), 0.0, 0.95)
     strong = one.log - gap - gains > np.log(EXPECTED) - 0.5
-    return gap / (1.0 - lever), np.where(strong, 1.0 - lever, 0.0)
+    return gap / (1.0 - lever), np.where(strong & (lever < 0.5), 1.0 - lever, 0.0)
 
 
 def _changes(
@@ -278,7 +285,7 @@ def _changes(
     size, first = np.zeros_like(best), np.zeros(len(best), np.int64)
     value = np.nan_to_num(gain)
     there = np.where(np.isnan(gain), 0.0, weight)
-    for split in range(1, len(times)):
+    for split in range(1, len(times) - 1):  # two check-ups must show it
         old, new = there[:split].sum(axis=0), there[split:].sum(axis=0)
         both = (old > LEAST) & (new > LEAST)
         before = (there[:split] * value[:split]).sum(axis=0) / np.maximum(old, 1e-9)
