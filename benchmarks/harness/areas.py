@@ -49,9 +49,9 @@ AREAS = (
     Area("calibration", "benchmarks.calibration.calibrations",
          "accuracy and time of calibrations (simulated evidence)",
          {"repeats": 1, "wrong": 10, "scans": 16, "wirings": 7, "planes": 2, "trials": 4},
-         "23 runs a row instead of 46, 16 scans instead of 50, 7 faulty check-ups of each part instead of 35, "
-         "2 trials of presses instead of 30, 10 wrong inputs of each kind instead of 67, "
-         "4 simulated self-touches instead of 20"),
+         "23 runs a row instead of 46, 16 scans instead of 50, "
+         "7 faulty check-ups of each part instead of 35, 2 trials of presses instead of 30, "
+         "10 wrong inputs of each kind instead of 67, 4 simulated self-touches instead of 20"),
     Area("live", "benchmarks.live.live",
          "streams, contacts, identities, memory and recordings",
          {"minutes": 1.0, "seconds": 30.0, "soaked": 20_000, "each": 5.0, "kills": 5, "pairs": 3},

@@ -34,7 +34,7 @@ FEWEST = {"stroke": 9, "poke": 7}  # answers that a surface is laid through
 EXPECTED = 35.0  # counts below which an answer is too small to compare [counts]
 ROUNDS, PRIOR = 12, 0.3  # of the joint fit; spread of gains before anything is known [log]
 LEAST = 1.2  # touches on each side of a change
-SURE, MODEL = 3.6, 0.1  # deviations that a change needs; error of the surfaces themselves [log]
+SURE, MODEL = 3.6, 0.65  # deviations that a change needs; error that all touches share
 WEAKER = 0.15  # least change of a gain [log]
 MOVED, NOISIER = 12.0, 3.0  # least change of a baseline [counts], and of a noise (times)
 MOST_DRAWN = 400  # taxels of which each has a line of its own
@@ -96,7 +96,8 @@ def earlier_checkups(folder: Path) -> list[KeptCheckup]:
     for path in sorted(folder.glob("checkup_*.json")):
         try:
             one = msgspec.json.decode(path.read_bytes(), type=KeptCheckup)
-        except (msgspec.MsgspecError, OSError, UnicodeDecodeError) as error:
+            datetime.fromisoformat(one.time)
+        except (msgspec.MsgspecError, OSError, ValueError) as error:
             raise DataFormatError(f"not a kept check-up: {error}", path) from None
         if one.format != FORMAT or any(
             len({len(part.channels), len(part.baseline), len(part.noise)}) != 1
@@ -292,7 +293,7 @@ def _changes(
         after = (there[split:] * value[split:]).sum(axis=0) / np.maximum(new, 1e-9)
         step = np.where(both, after - before, 0.0)
         spread = noise * np.sqrt(1 / np.maximum(old, LEAST) + 1 / np.maximum(new, LEAST))
-        score = np.abs(step) / np.hypot(spread, MODEL)
+        score = np.abs(step) / np.hypot(spread, MODEL * noise)
         better = both & (score > best)
         best[better], size[better], first[better] = score[better], step[better], split
     for row in np.flatnonzero((best > SURE) & (np.abs(size) > WEAKER)).tolist():
