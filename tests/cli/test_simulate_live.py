@@ -120,7 +120,7 @@ def test_options_that_contradict_each_other_are_refused(arguments, said):
     [
         ("tcp:5", "no way to publish 'tcp'"),
         ("zmq:abc", "'abc' is not an address"),
-        ("lsl:", "'' is no LSL stream"),
+        ("lsl:", "'' is not an LSL stream"),
         ("zmq:9.9.9.9.9:5", "cannot publish at tcp://9.9.9.9.9:5"),
     ],
 )
