@@ -178,7 +178,7 @@ RATIOS = {  # of two tasks on all samples
     "numpy": ("scikit_learn", "numpy"),
     "compiled": ("scikit_learn", "compiled"),
 }
-ONE_RATIOS = {  # on one
+SINGLE_RATIOS = {  # on one
     "one_sample_numpy": ("scikit_learn", "numpy"),
     "one_sample_compiled": ("scikit_learn", "compiled"),
 }
@@ -261,7 +261,7 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
         rounds,
     )
     many, single = medians(many_times, 1e6), medians(single_times, 1e6)
-    ratios = ratio_quartiles(many_times, RATIOS) | ratio_quartiles(single_times, ONE_RATIOS)
+    ratios = ratio_quartiles(many_times, RATIOS) | ratio_quartiles(single_times, SINGLE_RATIOS)
     gap = np.abs(ours.decision_function(z) - peer(z)).max()
     return {
         "counts": "real" if real else "whole",

@@ -48,7 +48,6 @@ ALIKE = 4.0 / 3.0  # in tolerances: neighbourhoods of one structure; 2 mm, where
 # kept the most accuracy on the hand of `kaspar` (1.5 to 2.25 mm were tried)
 NEAREST = 24  # neighbours that are compared: all of them at the usual radius
 ROWS = 4096  # neighbourhoods compared at a time
-CANDIDATES, COLUMNS = 96, 512  # neighbourhoods that may become shapes at a time, and that count
 
 
 def most_alike(
