@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinError
+from skinmap.io.mcap.file_overview import NAME, Overview, OverviewMaker
 from skinmap.io.mcap.mcap_scan import (
     CONTENT,
     DAMAGED,
@@ -32,7 +33,6 @@ from skinmap.io.mcap.mcap_scan import (
     scan_index,
 )
 from skinmap.io.mcap.mcap_scan import HEAD as HEAD_OF_RECORD
-from skinmap.io.mcap.overview import NAME, Overview, OverviewMaker
 from skinmap.io.mcap.writing import (
     FORMAT,
     METADATA,

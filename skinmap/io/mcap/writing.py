@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 from skinmap import __version__
 from skinmap.arrays import FloatArray
 from skinmap.errors import OutputError, SkinMismatchError
+from skinmap.io.mcap.file_overview import NAME, OverviewMaker
 from skinmap.io.mcap.mcap_scan import WHOLE
-from skinmap.io.mcap.overview import NAME, OverviewMaker
 from skinmap.io.recordings.recorded_stream import Kind, MarkedTouch, RecordedStream, nanoseconds_of
 from skinmap.io.ros2.bag_metadata import BAG_KEY, QOS_KEY, TopicFacts, bag_metadata, qos_profile
 from skinmap.io.ros2.bag_metadata import METADATA as BAG_METADATA

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, UnknownNameError
-from skinmap.io.mcap.overview import Overview
+from skinmap.io.mcap.file_overview import Overview
 from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.recording import Recording
 from skinmap.touch.true_motion import TrueMotion
