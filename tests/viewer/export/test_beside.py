@@ -17,8 +17,8 @@ from viewer.export.beside import changed_touches, moved_touch
 
 
 def recorded(path: Path, robot: str, part: str, seed: int) -> Path:
-    words = ["record", "sim", "--robot", robot, "--part", part, "--seconds", "3", "--speed", "inf"]
-    done = CliRunner().invoke(cli, [*words, "--seed", str(seed), "-o", str(path)])
+    words = ["record", f"sim:seed={seed}", "--robot", robot, "--part", part, "--seconds", "3"]
+    done = CliRunner().invoke(cli, [*words, "--speed", "inf", "-o", str(path)])
     assert done.exit_code == 0, done.output
     return path
 
@@ -72,8 +72,8 @@ def test_two_skins_are_both_drawn_without_a_difference(opengl, pair, tmp_path):
 
 
 def test_another_moment_and_another_model_stand_beside_the_same_recording(opengl, pair, tmp_path):
-    from skinmap.classifiers.model_file import save_classifier
-    from skinmap.classifiers.named_classifiers import default_model
+    from skinmap.recognition.model_file import save_classifier
+    from skinmap.recognition.named_classifiers import default_model
 
     words = (pair[0], "--part", "torso", "--at", "0.5", "--screenshot")
     shown = view(*words, tmp_path / "moments.png", "--beside", "2")["beside"]

@@ -13,6 +13,7 @@ const TOLD = 8000; // how long a problem stands there [ms]
 const LATE = 100; // older pictures of a live source are marked [ms]
 const WORK = 200; // that a layer may take before its being made is told [ms]
 const SILENT = 500; // from one look at the clock to the next while nothing comes [ms]
+const taxels = (count) => (count === 1 ? "1 taxel" : `${count.toLocaleString("en")} taxels`);
 const css = ([r, g, b]) => `rgb(${r} ${g} ${b})`;
 
 export class Words {
@@ -21,7 +22,7 @@ export class Words {
     this.problem = this.why = "";
     $("robot").textContent = header.robot;
     document.title = `${header.robot} · Skinmap`;
-    $("count").textContent = `${header.parts.reduce((n, part) => n + part.taxels[1], 0).toLocaleString("en")} taxels`;
+    $("count").textContent = taxels(header.parts.reduce((n, part) => n + part.taxels[1], 0));
   }
 
   // A short line for some seconds.
@@ -119,7 +120,7 @@ export class Words {
   }
 
   showMap(part) {
-    $("map-about").textContent = `${words(part.name)}: ${part.taxels[1]} taxels, ${part.patches} ${part.patches === 1 ? "patch" : "patches"}`;
+    $("map-about").textContent = `${words(part.name)}: ${taxels(part.taxels[1])}, ${part.patches} ${part.patches === 1 ? "patch" : "patches"}`;
   }
 
   // Which touches there are, for who listens: told when others came or got another name, not often.
