@@ -731,8 +731,9 @@ class Player:
 
     def zero(self) -> None:
         """Take the zero of the forces anew, as soon as nothing touches."""
-        if self.zero_age is not None:
-            self._feed.touches.zero()  # type: ignore[attr-defined]
+        zero = getattr(getattr(self._feed, "touches", None), "zero", None)
+        if zero is not None:
+            zero()
 
     def levels(self, part: str, taxel: int) -> dict[str, float]:
         """What is known of a taxel at rest, as `TouchLoop.levels`; nothing without a loop."""
