@@ -72,6 +72,7 @@ def measured(path: Path, hours: float) -> dict[str, Any]:
     scene = new_scene(session, Look(size=(1024, 768)), size=(1024, 768), off_screen=True)
     found: dict[str, Any] = {}
     with Player(session.live(), paused=True) as player:
+        filled = time.perf_counter()
         thread = fill_overview(session, player)
         assert thread is not None
         window = Window(scene, player)
@@ -80,7 +81,6 @@ def measured(path: Path, hours: float) -> dict[str, Any]:
             time.sleep(0.005)
         found["first_picture_s"] = round(time.perf_counter() - started, 2)
         found["first_picture_cpu_s"] = round(time.process_time() - spent_before, 2)
-        filled = time.perf_counter()
         while len(player.spans()) < 0.9 * hours * 3600 / EVERY and thread.is_alive():
             time.sleep(0.05)
         spent = time.perf_counter() - filled
