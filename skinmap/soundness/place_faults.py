@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
-from skinmap.soundness.finding import Finding, finding, named
+from skinmap.soundness.finding import Finding, finding, named, subject
 from skinmap.soundness.survey import Survey
 
 BESIDE = 8  # channels that are a channel's neighbours, at most
@@ -29,7 +29,7 @@ def place_faults(survey: Survey, bad: NDArray[np.bool_], often: NDArray[np.int64
     found = []
     lost = np.flatnonzero(~known & ~survey.constant & ~bad)
     if known.any() and len(lost):
-        text = f"{named(lost).capitalize()} answer and have no place on the skin."
+        text = subject(lost, "answers and has", "answer and have") + " no place on the skin."
         found.append(finding("place", text, channels=lost))
     rows = np.flatnonzero(known & ~survey.constant & ~bad & (often >= TOUCHED))
     return found + (_elsewhere(survey, rows, places[rows]) if len(rows) >= 12 else [])
