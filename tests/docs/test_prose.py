@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-# Pages written before the rule; a page leaves this list when it is rewritten, none is added.
-OLDER = {"reliability", "touches"}
+# Pages that are exempt; none is added.
+OLDER = {"reliability"}  # written by `make reliability`, with a column "said"
 PAGES = [
     ROOT / "README.md",
     *(p for p in sorted((ROOT / "docs").glob("*.md")) if p.stem not in OLDER | {"writing"}),
