@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import re
 import tokenize
 import zipfile
@@ -82,7 +83,7 @@ class MissingFileError(SkinError, FileNotFoundError):
     """A file that does not exist."""
 
     def __init__(self, path: Path | str, expected: str) -> None:
-        folder = Path(path).is_dir()
+        folder = os.path.isdir(path)  # False, too, for a name that no file can have
         found = f"{str(path)!r} is a folder" if folder else f"no file {str(path)!r}"
         super().__init__(f"{found}; expected {expected}")
         self.path, self.expected = Path(path), expected

@@ -451,8 +451,10 @@ def _channels(track: RecordedStream, part: str, values: NDArray[np.generic]) -> 
 NOTHING = np.zeros((0, 3))
 
 
-def load_part_touches(paths: Sequence[Path]) -> SelfTouchData:
+def load_part_touches(paths: Sequence[Path], beside: Path | None = None) -> SelfTouchData:
     """Recordings from files, or all of a folder, with the parts that lie beside them.
+
+    `beside` is a file of probes; by default the one beside the recordings.
 
     Raises
     ------
@@ -460,7 +462,7 @@ def load_part_touches(paths: Sequence[Path]) -> SelfTouchData:
         A file that does not exist, or does not follow the format (names what it lacks).
     """
     files = touch_files(paths)
-    probes = find_probes(None, files)
+    probes = find_probes(beside, files)
     recordings, chains, links = [], dict[str, Chain](), dict[str, str]()
     joints: tuple[str, ...] = ()
     for file in files:

@@ -174,7 +174,8 @@ def _inverted(
         y += offset * second[:, axis, None]
     shadow = np.hypot(x, y)
     near = np.isfinite(distance) & (shadow > 0)
-    stretch = np.divide(1.0, distance * shadow, out=np.zeros_like(x), where=near)
+    length = np.multiply(distance, shadow, out=np.ones_like(x), where=near)
+    stretch = np.divide(1.0, length, out=np.zeros_like(x), where=near)
     return x * stretch, y * stretch
 
 

@@ -250,7 +250,7 @@ class LoadCalibration:
         return Session(shift, wander * np.abs(slope), gain, self.doubt, True)
 
     def _unseen(self) -> Session:
-        """A session whose rest before load nobody saw."""
+        """A session without rest before its load."""
         n, shared = len(self), float(np.hypot(self.doubt, UNSEEN_DOUBT * self.count_bar))
         return Session(self.shift, np.full(n, np.nan), np.zeros(n), shared, False)
 

@@ -106,7 +106,7 @@ def test_saving_a_doubtful_patch_keeps_what_was_there(session, bent, tmp_path):
     pick(session, bent, bent.corners)
     options = Outputs(out=tmp_path)
     good = session.save(options)
-    assert good.files == ("taxels.csv", "report.html", "anchors.csv")
+    assert good == ("taxels.csv", "report.html", "anchors.csv")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     for taxel in bent.corners[1:]:
         session.remove(int(taxel))
@@ -114,14 +114,14 @@ def test_saving_a_doubtful_patch_keeps_what_was_there(session, bent, tmp_path):
     doubtful = session.save(options)
     assert session.found is not None
     assert session.found.status != "ok"
-    assert doubtful.files == ("refused.html", "refused_anchors.csv")
+    assert doubtful == ("refused.html", "refused_anchors.csv")
     assert {name: (tmp_path / name).read_bytes() for name in before} == before
     assert "not accepted" in session.message
-    assert "taxels.csv" in session.save(replace(options, accept=True)).files
+    assert "taxels.csv" in session.save(replace(options, accept=True))
 
 
 def test_saving_nothing_writes_nothing(session, tmp_path):
-    assert session.save(Outputs(out=tmp_path / "out")).files == ()
+    assert session.save(Outputs(out=tmp_path / "out")) == ()
 
 
 @pytest.mark.parametrize("stated", [True, False])

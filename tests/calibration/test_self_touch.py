@@ -249,7 +249,7 @@ def test_bad_recordings_are_named(true, chest_touches, rng):
         fit(TouchRecording("thin", ("arm", "chest"), chest_touches.angles[:, :3], (a, b)))
     with pytest.raises(InvalidArrayError, match="names taxels of 'finger'"):
         fit(TouchRecording("x", ("finger", "chest"), chest_touches.angles, (a, b)))
-    with pytest.raises(InvalidArrayError, match="does not say which taxels of 'arm'"):
+    with pytest.raises(InvalidArrayError, match="does not name the taxels of 'arm'"):
         fit(TouchRecording("x", ("arm", "chest"), chest_touches.angles, (None, b)))
     with pytest.raises(InvalidArrayError, match="events of 'chest' for"):
         TouchRecording("x", ("arm", "chest"), chest_touches.angles, (a, b[:-1]))

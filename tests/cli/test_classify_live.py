@@ -136,7 +136,7 @@ def test_one_process_publishes_and_another_names(made):
     [
         (("nowhere",), "no source 'nowhere'; the sources are: sim, lsl, mujoco, zenoh, zmq"),
         (("gone.mcap",), "no file 'gone.mcap'"),
-        (("sim:rough",), "'sim' or 'sim:raw'"),
+        (("sim:rough",), "'sim:' with raw, seed=N"),
         (("sim", "--part", "head"), "no part 'head'"),
         (("sim", *FOOT, "--response", "head=r.npz"), "no part to calibrate 'head'"),
         (("sim", *FOOT, "--response", "gone.npz"), "no file 'gone.npz'"),

@@ -78,7 +78,7 @@ def full(tmp_path, changed: dict[tuple[str, str], object] | None = None):
 
 
 def test_all_commands_are_looked_at():
-    assert {"flatten", "train", "simulate"} <= set(COMMANDS)
+    assert {"flatten", "train"} <= set(COMMANDS)
     assert not {"trade", "list", "record", "classify", "info"} & set(COMMANDS)
 
 

@@ -92,13 +92,21 @@ def test_near_coincident_taxels_share_a_vertex_or_stand_alone(gap):
 
 
 @pytest.mark.parametrize("points", [
-    np.zeros((0, 3)), np.zeros((1, 3)), np.eye(3)[:2], np.zeros((5, 3)),
+    np.zeros((0, 3)), np.zeros((5, 3)),
     np.outer(np.arange(6.0), [1, 2, 3]),
 ])  # fmt: skip
 def test_too_few_or_collinear_points_are_named(points):
     normals = np.tile([0.0, 0, 1], (len(points), 1))
     with pytest.raises(SkinError, match=r"distinct taxels|no three"):
         build_surface(skin_from_points(points, normals))
+
+
+@pytest.mark.parametrize("points", [np.zeros((1, 3)), np.eye(3)[:2]])
+def test_one_or_two_taxels_are_discs_without_a_triangle(points):
+    normals = np.tile([0.0, 0, 1], (len(points), 1))
+    mesh = build_surface(skin_from_points(points, normals))
+    assert len(mesh.faces) == 0
+    assert mesh.representative.tolist() == list(range(len(points)))
 
 
 def test_three_taxels_make_one_triangle():

@@ -188,7 +188,7 @@ def test_three_taxels_make_one_triangle(method):
 
 @pytest.mark.parametrize("method", MESHING)
 @pytest.mark.parametrize("points", [
-    np.zeros((0, 3)), np.zeros((1, 3)), np.eye(3)[:2], np.zeros((5, 3)), np.full((2000, 3), 0.1),
+    np.zeros((0, 3)), np.zeros((5, 3)), np.full((2000, 3), 0.1),
     np.outer(np.arange(6.0), [1, 2, 3]), np.outer(np.arange(500.0), [1e8, 0, 1]),
 ])  # fmt: skip
 def test_too_few_or_collinear_points_are_named(method, points):

@@ -171,7 +171,7 @@ def test_meshes_of_a_urdf_are_checked_when_asked_for(urdf, tmp_path):
         ("m.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", r"m\.obj"),
         ("m.obj", "v 0 0 0\nv 1 0 nan\nv 0 1 0\nf 1 2 3\n", "NaN"),
         ("m.ply", "ply\nformat ascii 1.0\nelement vertex 99999999999\n", r"m\.ply"),
-        ("m.txt", "v 0 0 0\n", "the formats are: .stl, .obj"),
+        ("m.txt", "v 0 0 0\n", r"a text where a mesh \(\.stl, \.obj"),
         ("m.zip", "PK", "not a mesh"),
         ("m.dae", f"{BOMB}<COLLADA/>", ":1: <!DOCTYPE is not allowed"),
         ("m.dae", "<COLLADA", "not a COLLADA mesh"),

@@ -303,7 +303,7 @@ def test_commands_read_outside_where_the_environment_says_so(tmp_path, monkeypat
     (folder / "robot.toml").write_text(MANIFEST.replace("right_hand.csv", "../right_hand.csv"))
     monkeypatch.setenv("SKINMAP_ALLOW_OUTSIDE", value)
     result = CliRunner().invoke(cli, ["list", "parts", str(folder / "robot.toml")])
-    assert (result.output == "hand\n") is read
+    assert result.output.startswith("hand ") is read
     if not read:
         assert "SKINMAP_ALLOW_OUTSIDE=1 allows it" in str(result.exception)
 

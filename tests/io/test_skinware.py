@@ -53,7 +53,7 @@ def test_read_skinware_reads_one_link_and_type(database):
         (f"1\n{ROW} 4\n", r":2: expected 10 columns .*, got 11"),
         (f"2\n{ROW}\n{ROW.replace('800000000', '0.8')}\n", ":3: expected a whole number"),
         (f"2\n{ROW}\n{ROW}\n", "channel 7 comes more than once"),
-        (f"1\n{ROW.replace(' 7 ', ' -7 ')}\n", ":2: uid -7 is no channel"),
+        (f"1\n{ROW.replace(' 7 ', ' -7 ')}\n", ":2: uid -7 is not a channel"),
         (f"1\n{ROW.replace(' 3 ', f' {10**400} ')}\n", ":2: .* is beyond"),
         (f"1\n{ROW.replace(' 3 ', ' 1_0 ')}\n", "got '1_0'"),
     ],

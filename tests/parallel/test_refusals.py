@@ -105,9 +105,9 @@ def test_a_command_ends_with_one_line(monkeypatch, scheduler, capsys, tmp_path, 
     else:
         scheduler(Client(told({"scipy": "0.1"}), {AT: 1}))
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
-    kept = tmp_path / "kept"
+    out = tmp_path / "maps"
     words = ["flatten", str(tmp_path / "a.obj"), "--jobs", AT]
-    monkeypatch.setattr(sys, "argv", ["skinmap", *words, "--resume", str(kept)])
+    monkeypatch.setattr(sys, "argv", ["skinmap", *words, "--out", str(out)])
     with pytest.raises(SystemExit) as stop:
         main()
     assert stop.value.code == 2
@@ -115,7 +115,7 @@ def test_a_command_ends_with_one_line(monkeypatch, scheduler, capsys, tmp_path, 
     assert said.out == ""
     assert len(said.err.splitlines()) == 1
     assert ("skinmap[dask]" if state == "missing" else "scipy 0.1") in said.err
-    assert not kept.exists()
+    assert not out.exists()
 
 
 @pytest.mark.parametrize("given", ["0", "many", "257"])

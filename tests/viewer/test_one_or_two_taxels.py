@@ -67,9 +67,9 @@ def test_a_pressed_taxel_is_a_contact(robot):
     skin = skinmap.load_robot(robot).skin("tip")
     pressures = np.zeros(len(skin))
     pressures[0] = 90
-    active, contacts = skinmap.find_contacts(skinmap.build_surface(skin), pressures)
-    assert active.sum() == 1
-    assert contacts[0] == 0
+    contacts = skinmap.find_contacts(skinmap.build_surface(skin), pressures)
+    assert contacts.active.sum() == 1
+    assert contacts.number[0] == 0
     image = skinmap.contact_image(skinmap.flatten(skin), pressures, pitch=2e-3)
     assert image.max() == 90
 

@@ -424,7 +424,7 @@ def test_calibrated_table_gives_the_uncertainty_of_each_taxel(tmp_path, icub, pr
     np.testing.assert_array_equal(np.isnan(values), np.isnan(some[:, 0, 0]))
     np.testing.assert_array_equal(layer.colours(values)[:-10], layer.colours(values)[[0] * 240])
     assert (layer.colours(values)[-10:] != layer.colours(values)[0]).any(axis=1).all()
-    with pytest.raises(SkinMismatchError, match="is none of the 430 taxels of 'torso'"):
+    with pytest.raises(SkinMismatchError, match="is not one of the 430 taxels of 'torso'"):
         strange = tmp_path / "strange.csv"
         strange.write_text("\n".join([lines[0], "9999" + lines[1][lines[1].index(",") :]]) + "\n")
         read_covariances([f"torso={strange}"], icub, ["torso"])

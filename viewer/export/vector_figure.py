@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
+from vtkmodules.vtkCommonDataModel import vtkPolyData
 from vtkmodules.vtkRenderingCore import vtkActor, vtkActor2D, vtkTextActor
 
 from skinmap.arrays import FloatArray
@@ -263,8 +264,8 @@ def _front(renderer: Any, prop: Any, page: _Page) -> Iterator[Shape]:
             yield from _text(renderer, prop, page)
     elif isinstance(prop, vtkActor2D) and prop.GetMapper() is not None:
         mapper: Any = prop.GetMapper()
-        mesh = mapper.GetInput()
-        if mesh is not None and mesh.GetNumberOfCells():
+        mesh = mapper.GetInput()  # an image (of the pressed part) has no cells in colours
+        if isinstance(mesh, vtkPolyData) and mesh.GetNumberOfCells():
             points = vtk_to_numpy(mesh.GetPoints().GetData()).astype(np.float64)
             placed = page(points[:, :2], renderer.GetOrigin())
             width = prop.GetProperty().GetLineWidth() * page.unit

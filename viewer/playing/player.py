@@ -484,7 +484,7 @@ class Player:
 
     @contextlib.contextmanager
     def marking(self) -> Iterator[Timeline]:
-        """The time line, for another thread to write on while nobody else does."""
+        """The time line, for another thread to write on alone."""
         with self._news:
             yield self.timeline
 
@@ -709,7 +709,7 @@ class Player:
         return Past(tuple(one for one in self._history.moments() if one.time > self._named))
 
     def remember(self, seconds: float) -> None:
-        """Have what came so many seconds before whatever is shown from now on: a plot is open."""
+        """Keep so many seconds before each shown moment from now on, for an open plot."""
         with self._news:
             more, self.before = seconds > self.before, max(seconds, BEFORE)
             shown, oldest = self.moment, self._history.oldest

@@ -601,8 +601,8 @@ class _Disk:
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if isinstance(error, OSError) and not isinstance(error, OutputError):
             raise OutputError(
-                f"cannot go on writing {str(self._path)!r}: {error.strerror}; what was written "
-                f"stays readable"
+                f"cannot go on writing {str(self._path)!r}: {error.strerror}; the written "
+                f"part stays readable"
             ) from None
 
 

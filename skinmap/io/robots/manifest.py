@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import math
+import os
 import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -158,7 +159,7 @@ def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
     if str(robot) in builtin:
         return replace(read_manifest(builtin[str(robot)]), origin=str(robot))
     path = Path(robot)
-    if path.suffix == ".toml" or path.exists():
+    if path.suffix == ".toml" or os.path.exists(path):  # False for a name that no file can have
         return read_manifest(path, allow_outside=allow_outside)
     raise UnknownNameError("robot", str(robot), sorted(builtin))
 

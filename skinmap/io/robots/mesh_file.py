@@ -189,10 +189,12 @@ def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:
         raise
     except Exception as error:  # each format has its own kinds of failure
         raise DataFormatError(f"not a mesh that can be read: {error}", path) from error
-    if len(faces) == 0:
-        raise DataFormatError("a mesh without triangles: empty, cut short or points alone", path)
     if not np.isfinite(vertices).all():
         raise DataFormatError("a mesh with NaN or infinity among its vertices", path)
+    if len(faces) == 0:
+        raise DataFormatError(
+            "a mesh without triangles: empty, cut short, points alone or with NaN in it", path
+        )
     return vertices, faces
 
 

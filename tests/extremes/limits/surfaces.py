@@ -164,9 +164,9 @@ LAWS = [
         (2, 3, 12, 40),
         (
             Outside(
-                "2 taxels",
+                "3 taxels at one place",
                 InvalidMeshError,
-                lambda: build_surface(bent_skin(1, 2)),
+                lambda: build_surface(skin_from_points(np.zeros((3, 3)), np.eye(3))),
                 "distinct taxels",
             ),
             Outside(
