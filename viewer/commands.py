@@ -132,8 +132,8 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
     flag_value=ANYWHERE,
     help="Serve the scene to a browser, at a free port of this machine or at an address.",
 )
+@seed_option
 @retired(
-    seed="write --source sim:seed=N",
     **dict.fromkeys(("style", "links", "pose", "size"), IN_VIEW_FILE),
     range="write ranges in --view-file (docs/viewer.md)",
     unit="each layer has one unit; write ranges in --view-file (docs/viewer.md)",
@@ -347,6 +347,7 @@ def _session(options: Mapping[str, Any]) -> Any:
         parts,
         source=options["source"],
         model=options["model"],
+        seed=options["seed"],
         speed=options["speed"],
         responses=read_responses(options["responses"], robot, parts),
         covariances=read_covariances(tables, robot, parts),

@@ -60,6 +60,7 @@ class Session:
         As for `skinmap.live.open_source`.
     model : Path or None
         Names the touches; the one that comes with Skinmap by default.
+    seed : int
     speed : float
         Of recordings.
     responses : mapping of str to ResponseCalibration
@@ -76,6 +77,7 @@ class Session:
     parts: tuple[str, ...]
     source: str = "sim"
     model: Path | None = None
+    seed: int = 0
     speed: float = 1.0
     responses: Mapping[str, Any] = field(default_factory=dict)
     covariances: Mapping[str, FloatArray] = field(default_factory=dict)
@@ -109,6 +111,7 @@ class Session:
             self.source,
             robot=self.robot,
             parts=self.parts if self.simulated else None,
+            seed=self.seed,
             speed=speed,
         )
         if isinstance(source, Playback):

@@ -22,6 +22,7 @@ from skinmap.commands.options import (
     prints,
     robot_option,
     seconds_option,
+    seed_option,
     speed_option,
 )
 from skinmap.commands.progress import is_quiet
@@ -90,9 +91,9 @@ class RecordResult:
 )
 @calibration_option
 @speed_option("recorded or simulated")
+@seed_option
 @retired(
     profile=NO_PROFILE,
-    seed="write sim:seed=N",
     motion="touches that are named (--label, --model) carry how they move",
     rotate_mb="a new file begins at 1 GB; Recorder(rotate_bytes=...) in Python",
     rotate_minutes="a new file begins after an hour; Recorder(rotate_seconds=...) in Python",
@@ -111,6 +112,7 @@ def command(
     person: str,
     calibrations: tuple[str, ...],
     speed: float,
+    seed: int,
     as_json: bool,
 ) -> None:
     """Record SOURCE until it ends, the time is over, or Ctrl-C.
@@ -148,7 +150,7 @@ def command(
     if label is not None:
         classifier = GivenName(check_label(label))
     session, person = (check_label(word) if word else "" for word in (session, person))
-    loaded, origin = open_stream(source, robot, parts, speed=speed)
+    loaded, origin = open_stream(source, robot, parts, seed=seed, speed=speed)
     named = classifier is not None
     skins = {part: PreparedSkin(loaded.skin(part)) for part in origin.info.parts if calibrations}
     loads = load_calibrations(calibrations, skins)

@@ -14,6 +14,7 @@ import click
 from click.core import ParameterSource
 
 from skinmap.commands.options import (
+    MAX_TOUCHES,
     Number,
     Whole,
     open_robot,
@@ -178,6 +179,13 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     "strokes, pats, taps, rubs and more, with their true motion. With pairs, two of them at once.",
 )
 @click.option(
+    "--subjects",
+    type=Whole(1, MAX_TOUCHES),
+    default=10,
+    show_default=True,
+    help="Number of simulated people, each with a hand size and habits.",
+)
+@click.option(
     "--physics",
     metavar="ours|mujoco[:VARIANT]",
     default="ours",
@@ -204,7 +212,6 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
 )
 @retired(
     profile=NO_PROFILE,
-    subjects="ten people touch; skinmap.simulate(skin, subjects=N) in Python",
     raw="write --fault raw=yes",
     variant="write --physics mujoco:VARIANT",
     pairs="write --gesture pairs, and their number as --per-gesture",
@@ -227,6 +234,7 @@ def command(
     seconds: float | None,
     seed: int,
     as_json: bool,
+    subjects: int,
     variety: str,
     faults: dict[str, Any],
 ) -> None:
@@ -237,7 +245,7 @@ def command(
 
     \b
     Example:  skinmap simulate icub --part torso --per-gesture 30 -o torso.npz
-              skinmap simulate icub --gesture eight --fault dead=0.02 -o touches.npz
+              skinmap simulate icub --gesture eight --subjects 20 --fault dead=0.02 -o touches.npz
               skinmap simulate icub --variety none -o clean.npz
               skinmap simulate icub --part torso --gesture pairs --per-gesture 50 -o pairs.npz
               skinmap simulate icub --physics mujoco:flesh -o flesh.npz
@@ -255,7 +263,7 @@ def command(
     if "foam_mm" in given:
         given["foam"] = given.pop("foam_mm") / 1e3
     if publish is not None:
-        _refuse_given("per_gesture", "output", "physics")
+        _refuse_given("per_gesture", "output", "subjects", "physics")
         streamed = publish_touches(
             robot, parts, publish, gestures=gestures, seconds=seconds, raw=raw, seed=seed,
             variety=number, sensing=given,
@@ -272,7 +280,7 @@ def command(
     protect(output)
     result = work(
         robot, parts, output, per_gesture=per_gesture, gestures=gestures, paired=paired, seed=seed,
-        variety=number, sensing=given, variant=physics[1] if mujoco else None,
+        subjects=subjects, variety=number, sensing=given, variant=physics[1] if mujoco else None,
     )  # fmt: skip
     asked = 0 if paired else per_gesture
     present(result, lambda one: _lines(one, asked), as_json=as_json)
@@ -286,6 +294,7 @@ def work(
     per_gesture: int,
     gestures: tuple[str, ...],
     paired: bool,
+    subjects: int,
     variety: float,
     sensing: Mapping[str, Any],
     variant: str | None = None,
@@ -306,7 +315,7 @@ def work(
     loaded, names = open_robot(robot, parts)
     wanted = gesture_set(gestures)
     check_gestures(wanted)
-    shared: dict[str, Any] = {"gestures": wanted}
+    shared: dict[str, Any] = {"gestures": wanted, "subjects": subjects}
     steps = len(names) * per_gesture * (1 if paired else len(wanted))
     recordings = []
     with staged_file(output) as stage, progress(steps, "simulating") as advance:

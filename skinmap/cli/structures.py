@@ -116,10 +116,16 @@ class StructuresResult:
     show_default=True,
     help="Radius of a neighbourhood, or auto: between two rings of the lattice, near 8 mm.",
 )
+@click.option(
+    "--rotations",
+    type=click.Choice(["1", "4", "6"]),
+    default=str(ROTATIONS),
+    show_default=True,
+    help="Order of the rotations that match structures: 6 (by pi/3) or 4 (square grids).",
+)
 @out_option
-@profile_option("classify", beside=("tolerance_mm", "rotations", "distance"))
+@profile_option("classify", beside=("tolerance_mm", "distance"))
 @retired(
-    rotations=IN_PROFILE.format("rotations = 4"),
     tolerance_mm=IN_PROFILE.format("tolerance_mm = 1.5"),
     distance=IN_PROFILE.format('distance = "geodesic"'),
 )
@@ -129,7 +135,7 @@ def command(
     parts: tuple[str, ...],
     radius_mm: str,
     tolerance_mm: float | None,
-    rotations: int | None,
+    rotations: str,
     distance: Distance | None,
     out: Path | None,
     as_json: bool,
@@ -140,13 +146,13 @@ def command(
     touches with the word that each taxel votes for.
 
     \b
-    Example:  skinmap structures icub --part right_leg_upper --out pictures
+    Example:  skinmap structures icub --part right_leg_upper --rotations 6 --out pictures
     """
     wanted = read_radius(radius_mm)
     loaded, names = open_robot(robot, parts)
     tolerance = 1e-3 * (tolerance_mm or TOLERANCE_MM)
     result, skins, found = work(
-        loaded, names, wanted, tolerance, rotations or ROTATIONS, distance or "euclidean"
+        loaded, names, wanted, tolerance, int(rotations), distance or "euclidean"
     )
 
     def write(stage: Path) -> Iterator[str]:

@@ -84,7 +84,7 @@ MISTAKES = {
     "flatten kaspar --part torso --seam nowhere.txt": "no file 'nowhere.txt'",
     "flatten kaspar --part torso --compare nothing": "no flattening method 'nothing'",
     "structures t.npz": "a recording where a manifest",
-    "structures kaspar --part torso --rotations 4": "write rotations = 4 in the table [classify]",
+    "structures kaspar --part torso --rotations 5": "'5' is not one of '1', '4', '6'",
     "simulate t.npz": "a recording where a manifest",
     "simulate kaspar --fault noise=loud": "'loud' is not a number",
     "simulate kaspar --fault rust=1": "no fault 'rust'",

@@ -69,7 +69,7 @@ def test_pictures_are_written_beside_the_numbers(tmp_path):
         (("--radius-mm", "-3"), "must lie in 0.1..1000, or auto"),
         (("--radius-mm", "nan"), "must lie in 0.1..1000, or auto"),
         (("--tolerance-mm", "0"), "write tolerance_mm = 1.5 in the table [classify] of a profile"),
-        (("--rotations", "4"), "write rotations = 4 in the table [classify] of a profile"),
+        (("--rotations", "5"), "'5' is not one of '1', '4', '6'"),
     ],
 )
 def test_nonsense_is_refused(arguments, message):
