@@ -266,7 +266,7 @@ def _taxel_fault(name: str, rest: str, boards: Boards) -> tuple[str, int, float]
     try:
         channel, percent = int(words[0]), float(words[1]) if len(words) > 1 else 40.0
     except ValueError:
-        raise InvalidArrayError(f"{name}:{rest} is no fault: a channel is expected") from None
+        raise InvalidArrayError(f"{name}:{rest} is not a fault: a channel is expected") from None
     row = np.flatnonzero(boards.table.channels == channel)
     if not len(row) or not 0 < percent < 100:
         raise InvalidArrayError(f"{name}:{rest}: {boards.part!r} has no such channel or share")
@@ -292,7 +292,7 @@ def parse_fault(text: str, boards: Boards) -> Fault:
         values = []
     if len(values) not in counts[name]:
         raise InvalidArrayError(
-            f"{text!r} is no fault: {name} takes {' or '.join(map(str, counts[name]))} whole "
+            f"{text!r} is not a fault: {name} takes {' or '.join(map(str, counts[name]))} whole "
             "numbers after the colon"
         )
     if name in ("chains", "reverse", "mute-chain"):

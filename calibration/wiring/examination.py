@@ -342,11 +342,11 @@ def _untold(case: Case, left_out: int) -> list[str]:
     """What the touches of a recording cannot tell."""
     notes = []
     if left_out:
-        notes.append(f"{case.part}: {left_out} touches left out: too large to tell anything")
+        notes.append(f"{case.part}: {left_out} touches left out: too large to judge")
     if case.doctor.touches and not case.places_known:
         notes.append(
             f"{case.part}: no places are known: a fault shows only where a touch lies across "
-            "modules; mute modules, and swaps that no touch straddled, cannot be told"
+            "modules; mute modules, and swaps that no touch straddled, cannot be found"
         )
     return notes
 
@@ -415,7 +415,7 @@ def examine_live(source: Source, robot: Robot, parts: Sequence[str], plan: Plan)
             notes.append(f"nothing answered within {PATIENCE:.0f} s at: {words}")
     except KeyboardInterrupt:
         plan.told("interrupted")
-        notes.append("interrupted: judged by what was touched until then")
+        notes.append("interrupted: judged by the touches until then")
     return concluded(info.name, robot, plan, cases, stream.seconds, notes)
 
 

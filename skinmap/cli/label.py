@@ -143,7 +143,7 @@ def _check(recording: Path, output: Path, *, changes: bool) -> None:
         check_suffix(output)
     elif changes:
         raise click.UsageError(
-            "-o TOUCHES.csv writes what is marked; a table and --web change it: -o NEW.mcap"
+            "-o TOUCHES.csv writes the marks; a table and --web change them: -o NEW.mcap"
         )
     if output.exists() and output.samefile(recording):
         raise OutputError(f"cannot write {str(output)!r}: it is the recording; name a new file")

@@ -103,7 +103,7 @@ class LazyGroup(NamedGroup):
 @click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="skinmap")
 @click.option(
-    "--debug", is_flag=True, help="Say what is done, on standard error, and show tracebacks."
+    "--debug", is_flag=True, help="Report progress on standard error, and show tracebacks."
 )
 @click.option("--quiet", is_flag=True, help="No warnings and no progress.")
 @retired(verbose="write --debug")

@@ -37,7 +37,7 @@ HARM: dict[str, tuple[float, str]] = {
     "place": (0.6, "complete the table of taxels, or leave these channels out"),
     "copied": (0.55, "leave one of each pair out"),
     "repeated_id": (0.55, "correct the ids; only one channel of each id can be placed"),
-    "thermal": (0.55, "leave these channels out: they are no taxels"),
+    "thermal": (0.55, "leave these channels out: they are not taxels"),
     "dead": (0.5, "leave these channels out"),
     "noisy": (0.5, "leave these channels out, or filter them"),
     "clipped": (0.45, "treat readings at this value as a lower bound of the pressure"),

@@ -217,7 +217,7 @@ def _repeated_finding(repeated: NDArray[np.bool_], times: FloatArray | None) -> 
         return []
     share = len(rows) / len(repeated)
     text = (
-        f"{len(rows)} rows ({share:.1%}) repeat an earlier row: they are no new samples, and a "
+        f"{len(rows)} rows ({share:.1%}) repeat an earlier row: they are not new samples, and a "
         "split by rows puts copies on both sides."
     )
     return [finding("duplicate", text, rows=spans_of(rows), times=times)]
