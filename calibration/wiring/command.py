@@ -73,7 +73,7 @@ def checkup(
     """Check a skin: five seconds at rest, then the strokes and pokes that tell most.
 
     SOURCE is lsl:NAME, zmq:HOST:PORT, a plug-in's name, a recording's file, or sim. Finds swapped,
-    turned, mirrored and mute modules, cables, and dead, noisy, stuck or weaker taxels. Exit code 3:
+    turned, mirrored and mute modules, cables, and dead, noisy or stuck taxels. Exit code 3:
     the answers do not fit the places.
 
     \b

@@ -6,6 +6,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
+from calibration.commands import calibrate
 from skinmap.commands.retired import retired
 
 
@@ -26,3 +27,16 @@ def test_retired_option_answers_with_what_to_write(words):
 def test_retired_options_are_hidden_and_cost_nothing_when_absent():
     assert CliRunner().invoke(sweep, ["--jobs", "2"]).output == "jobs 2\n"
     assert "--split-sheets" not in CliRunner().invoke(sweep, ["--help"]).output
+
+
+@pytest.mark.parametrize("name", ["touch", "wrap"])
+def test_the_former_name_of_a_calibration_is_the_same_command(name):
+    result = CliRunner().invoke(calibrate, [name, "--layout", "a.csv"])
+    assert result.exit_code == 2
+    assert "Missing option '--mesh'" in result.output
+
+
+def test_the_former_name_is_not_listed():
+    assert (
+        " touch " not in CliRunner().invoke(calibrate, ["--help"]).output.partition("Commands:")[2]
+    )

@@ -33,7 +33,7 @@ logger = logging.getLogger(__name__)
 
 
 def fill_overview(session: Session, player: Player) -> threading.Thread | None:
-    """Find when a recording is touched, and how, in a thread of its own; None for what is none.
+    """Find when a recording is touched, and how, in a thread of its own; None for other sources.
 
     It ends with the recording, or when the player is closed.
     """
@@ -61,7 +61,7 @@ def _fill(session: Session, player: Player) -> None:
             with closing(loop), closing(session.open(hurry=True)) as ahead:
                 loop.learn_rest(ahead, LEARN)
                 _name(loop, player)
-    except (SkinError, OSError) as error:  # the player, which reads the same, tells it
+    except (SkinError, OSError) as error:  # the player reads the same and reports it
         logger.info("no overview: %s", error)
 
 
@@ -128,7 +128,7 @@ def _until(loop: TouchLoop, end: float, player: Player) -> Iterator[Moment]:
 
 
 def pieces(stretches: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """From when to when touches [s] are named at once: those that follow each other closely."""
+    """Stretches [s] named at once: touches that follow each other closely."""
     found: list[tuple[float, float]] = []
     for began, ended in sorted(stretches):
         if found and began - found[-1][1] < APART and ended - found[-1][0] < TOGETHER:

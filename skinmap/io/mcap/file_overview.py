@@ -1,4 +1,4 @@
-"""What a recording holds, second by second: there at once, however long it is."""
+"""Content of a recording, second by second, to be read at once whatever its length."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class OverviewMaker:
     widths : sequence of int
         Channels of each part.
     raw : bool
-        Whether the values are what sensors send; pressures rest at 0.
+        Whether the values are raw; pressures rest at 0.
     even : bool
         Whether all samples had as many values as there are channels.
     """
@@ -131,7 +131,7 @@ class OverviewMaker:
         self._count += 1
 
     def mark(self, part: int, event: int, time: float) -> None:
-        """Take the beginning of a marked touch [s], once however often it is told."""
+        """Take the beginning of a marked touch [s], once however often it comes."""
         self._marks.add((part, event, time))
 
     def overview(self) -> Overview:

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.live.contacts.contact_forces import ContactForce, PartForces
 from skinmap.live.contacts.named_touch import NamedTouch
+from skinmap.live.response.pressures import files_of_parts
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.skin.skin import fingerprint
 from skinmap.surface.surface_mesh import SurfaceMesh
@@ -191,7 +192,7 @@ def load_calibrations(
     ----------
     specs : sequence of str
         What `skinmap calibrate load` wrote, for the part whose layout was calibrated, or
-        "PART=FOLDER". One that does not say its part is of the only part there is.
+        "PART=FOLDER". One without a part belongs to the only part there is.
     skins : mapping of str to PreparedSkin
         By part.
 
@@ -202,23 +203,18 @@ def load_calibrations(
     MissingFileError, DataFormatError, SkinMismatchError
         No such file, no calibration, or one of another skin.
     InvalidArrayError
-        One that does not say which part it is of.
+        One that does not name its part.
     """
     found: dict[str, LoadCalibration] = {}
     prints = {fingerprint(skin.skin): part for part, skin in skins.items()}
-    for spec in specs:
-        part, equals, name = spec.partition("=")
-        if not equals:
-            part, name = "", spec
-        elif part not in skins:
-            raise UnknownNameError("part to calibrate", part, skins)
+    for part, name in files_of_parts(specs, skins):
         one = LoadCalibration.read(Path(name))
         only = next(iter(skins)) if len(skins) == 1 else ""
         part = part or prints.get(one.fingerprint, "" if one.fingerprint else only)
         if not part:
             raise InvalidArrayError(
-                f"{name} was calibrated on none of {', '.join(skins)}, or does not hold on which; "
-                "write PART=FOLDER"
+                f"{name} was calibrated on none of {', '.join(skins)}, or does not name its skin; "
+                "give PART=FOLDER"
             )
         if len(one.rest) != len(skins[part]):
             raise SkinMismatchError(

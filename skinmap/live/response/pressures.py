@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
@@ -385,6 +385,21 @@ readers: Registry[Callable[[Path], Response]] = Registry(
 )
 
 
+def files_of_parts(specs: Sequence[str], parts: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Part and file of each "PART=FILE"; an empty part for a bare "FILE".
+
+    Raises
+    ------
+    UnknownNameError
+        No such part.
+    """
+    for spec in specs:
+        part, equals, name = spec.partition("=")
+        if equals and part not in parts:
+            raise UnknownNameError("part to calibrate", part, parts)
+        yield (part, name) if equals else ("", spec)
+
+
 def load_responses(specs: Sequence[str], skins: Mapping[str, PreparedSkin]) -> dict[str, Response]:
     """Response calibrations by part.
 
@@ -402,16 +417,11 @@ def load_responses(specs: Sequence[str], skins: Mapping[str, PreparedSkin]) -> d
     MissingFileError, DataFormatError
         No such file, or no calibration.
     InvalidArrayError
-        A file that does not say which part it is of.
+        A file that does not name its part.
     """
     found: dict[str, Response] = {}
     by_fingerprint = {fingerprint(skin.skin): part for part, skin in skins.items()}
-    for spec in specs:
-        part, equals, name = spec.partition("=")
-        if not equals:
-            part, name = "", spec
-        elif part not in skins:
-            raise UnknownNameError("part to calibrate", part, skins)
+    for part, name in files_of_parts(specs, skins):
         response = readers.get("file")(Path(name))
         own = str(getattr(response, "fingerprint", ""))
         part = part or by_fingerprint.get(own, "")
