@@ -5,8 +5,8 @@ What rows were measured against is planted, and the evidence simulated.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
+from functools import partial
 from statistics import median
 from typing import Any
 
@@ -14,7 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from benchmarks.calibration.self_touch_rows import simulated_rows
-from calibration.mount.rigid_mount import Loss, MountFit, fit_mount
+from benchmarks.harness.timing import timed
+from calibration.mount.rigid_mount import Loss, fit_mount
 from calibration.response.response import ResponseCalibration
 from skinmap.arrays import FloatArray
 from skinmap.geometry.rigid import transform_points
@@ -38,65 +39,39 @@ def pair_rows() -> list[dict[str, Any]]:
     rows = []
     for name, loss, outliers in cases:
         rng = np.random.default_rng(0)
-        runs = [_pair_run(rng, loss, outliers) for _ in range(RUNS)]
-        rows.append(_row("pairs", f"{PAIRS} pairs, {name}", runs))
+        missed, squares, times = [], [], []
+        for _ in range(RUNS):
+            mount, points, frames, targets = _pairs(rng, outliers)
+            fit, seconds, _ = timed(partial(fit_mount, points, frames, targets, loss=loss))
+            times.append(seconds)
+            apart = transform_points(fit.mount, points) - transform_points(mount, points)
+            missed.append(1e3 * float(np.sqrt(np.mean(np.sum(apart**2, axis=1)))))
+            turn = Rotation.from_matrix(fit.mount[:3, :3] @ mount[:3, :3].T).as_rotvec()
+            error = np.concatenate([turn, fit.mount[:3, 3] - mount[:3, 3]])
+            squares.append(float(error @ np.linalg.solve(fit.covariance, error)) / 6)
+        rows.append({
+            "evidence": "pairs", "case": f"{PAIRS} pairs, {name}",
+            "truth": "planted mount (simulated)", "runs": RUNS,
+            "error_mm": {"median": median(missed), "max": max(missed)},
+            "normalised_error_squared": float(np.mean(squares)), "cpu_s": median(times),
+        })  # fmt: skip
     return rows
 
 
-Run = tuple[MountFit, FloatArray, FloatArray, float]
-
-
-def _row(evidence: str, case: str, runs: list[Run]) -> dict[str, Any]:
-    missed, squares = [], []
-    for fit, mount, points, _ in runs:
-        apart = transform_points(fit.mount, points) - transform_points(mount, points)
-        missed.append(1e3 * float(np.sqrt(np.mean(np.sum(apart**2, axis=1)))))
-        turn = Rotation.from_matrix(fit.mount[:3, :3] @ mount[:3, :3].T).as_rotvec()
-        error = np.concatenate([turn, fit.mount[:3, 3] - mount[:3, 3]])
-        squares.append(float(error @ np.linalg.solve(fit.covariance, error)) / 6)
-    return {
-        "evidence": evidence,
-        "case": case,
-        "truth": "planted mount (simulated)",
-        "runs": len(runs),
-        "error_mm": {"median": median(missed), "max": max(missed)},
-        "normalised_error_squared": float(np.mean(squares)),
-        "cpu_s": median(run[3] for run in runs),
-    }
-
-
-def _timed(run: Callable[[], MountFit]) -> tuple[MountFit, float]:
-    start = time.process_time()
-    fit = run()
-    return fit, time.process_time() - start
-
-
-def _pairs(
-    rng: np.random.Generator, outliers: float
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    mount, frames = _frames(rng, PAIRS)
+def _pairs(rng: np.random.Generator, outliers: float) -> tuple[FloatArray, ...]:
+    """A mount (4, 4), points (m, 3) in it, frames (m, 4, 4) of its link, and where they are."""
+    mount = np.eye(4)
+    mount[:3, :3] = Rotation.random(rng=rng).as_matrix()
+    mount[:3, 3] = rng.normal(0, 0.15, 3)
+    frames = np.tile(np.eye(4), (PAIRS, 1, 1))
+    frames[:, :3, :3] = Rotation.random(PAIRS, rng=rng).as_matrix()
+    frames[:, :3, 3] = rng.normal(0, 0.1, (PAIRS, 3))
     points = rng.normal(0, 0.05, (PAIRS, 3))
     T = frames @ mount
     targets = np.einsum("mij,mj->mi", T[:, :3, :3], points) + T[:, :3, 3]
     targets += rng.normal(0, 1e-3, targets.shape)
     targets[rng.random(PAIRS) < outliers] += rng.normal(0, 0.05, 3)
     return mount, points, frames, targets
-
-
-def _pair_run(rng: np.random.Generator, loss: Loss, outliers: float) -> Run:
-    mount, points, frames, targets = _pairs(rng, outliers)
-    fit, seconds = _timed(lambda: fit_mount(points, frames, targets, loss=loss))
-    return fit, mount, points, seconds
-
-
-def _frames(rng: np.random.Generator, m: int) -> tuple[FloatArray, FloatArray]:
-    mount = np.eye(4)
-    mount[:3, :3] = Rotation.random(rng=rng).as_matrix()
-    mount[:3, 3] = rng.normal(0, 0.15, 3)
-    frames = np.tile(np.eye(4), (m, 1, 1))
-    frames[:, :3, :3] = Rotation.random(m, rng=rng).as_matrix()
-    frames[:, :3, 3] = rng.normal(0, 0.1, (m, 3))
-    return mount, frames
 
 
 def drift_rows(seed: int = 0, *, most: int | None = None) -> list[dict[str, Any]]:
@@ -111,9 +86,7 @@ def drift_rows(seed: int = 0, *, most: int | None = None) -> list[dict[str, Any]
         noise = rng.normal(0, 1.2, walk.shape)
         samples = np.clip(np.rint(100 + walk + press + noise), 0, 255)
         for name, track in TRACKERS.items():
-            start = time.process_time()
-            pressure = track(rest, samples)
-            seconds = time.process_time() - start
+            pressure, seconds, _ = timed(partial(track, rest, samples))
             last = pressure[end - 50 - int(10 * RATE) : end - 50, :HELD]
             after = pressure[end + 100 :, :HELD]
             rows.append({

@@ -6,7 +6,8 @@ modules round a random one. Evidence is made from the truth with noise of known 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -60,6 +61,17 @@ def _some_modules(modules: IntArray, uv: FloatArray) -> FloatArray:
     first = np.random.default_rng(0).integers(len(names))
     order = np.argsort(np.linalg.norm(middle - middle[first], axis=1))
     return np.isin(modules, names[order[:MAX_MODULES]])
+
+
+def normalised(error: FloatArray, covariance: FloatArray) -> float:
+    """Mean square of errors (n, 3) in their stated spreads (n, 3, 3): 1 where these are true."""
+    square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)
+    return float(square.mean() / 3)
+
+
+def counted(words: Iterable[object]) -> dict[str, int]:
+    """How often each word comes, by its name."""
+    return dict(sorted(Counter(map(str, words)).items()))
 
 
 def far_apart(layout: FloatArray, count: int, rng: np.random.Generator) -> IntArray:

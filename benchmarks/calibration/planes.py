@@ -18,6 +18,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
 from scipy.spatial.transform import Rotation
 
+from benchmarks.calibration.patches import counted, normalised
 from benchmarks.harness.timing import timed
 from calibration.mount.chains import Chain
 from calibration.mount.robot_chains import robot_chain
@@ -261,22 +262,18 @@ def plane_rows(trials: int = 30) -> list[dict[str, Any]]:
 def _measured(one: Bench, fit: PlaneFit, seconds: float) -> dict[str, Any]:
     """Taxels against where they are in the link, none of the nulls taken out."""
     error = fit.places[one.part] - one.places
-    covariance = fit.place_covariances[one.part]
-    square = np.einsum("ni,ni->n", error, np.linalg.solve(covariance, error[..., None])[..., 0])
     return {
         "p95": MM * float(np.percentile(np.linalg.norm(error, axis=1), 95)),
         "stated": MM * float(np.percentile(fit.predicted_sd(one.part), 95)),
-        "square": float(square.mean()) / 3.0,
+        "square": normalised(error, fit.place_covariances[one.part]),
         "status": str(fit.status),
         "seconds": seconds,
-        "touched": float((fit.touched[one.part] > 0).mean()),
-        "odd": len(fit.inconsistent),
     }
 
 
 def _row(runs: list[dict[str, Any]]) -> dict[str, Any]:
-    statuses = [run["status"] for run in runs]
-    p95 = [run["p95"] for run in runs]
+    statuses = counted(run["status"] for run in runs)
+    p95, ok = [run["p95"] for run in runs], statuses.get("ok", 0)
     return {
         "trials": len(runs),
         "taxels_p95_mm": {
@@ -286,15 +283,8 @@ def _row(runs: list[dict[str, Any]]) -> dict[str, Any]:
         },
         "stated_sd_mm": float(np.median([run["stated"] for run in runs])),
         "normalised_error_squared": float(np.mean([run["square"] for run in runs])),
-        "observable": 2 * statuses.count("ok") > len(runs),
-        "ok": statuses.count("ok"),
-        "unobservable": statuses.count("unobservable"),
-        "statuses": {name: statuses.count(name) for name in sorted(set(statuses))},
-        "worst_p95_ok_mm": max(
-            (one for one, status in zip(p95, statuses, strict=True) if status == "ok"),
-            default=None,
-        ),
-        "contacts_called_odd": sum(run["odd"] for run in runs),
-        "touched": float(np.median([run["touched"] for run in runs])),
+        "observable": 2 * ok > len(runs),
+        "ok": ok,
+        "statuses": statuses,
         "cpu_s": float(np.median([run["seconds"] for run in runs])),
     }

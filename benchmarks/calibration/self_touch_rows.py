@@ -10,7 +10,6 @@ neither their middles nor any taxels coincide. The joints' zeros are off, and so
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -20,6 +19,8 @@ from scipy.spatial import KDTree
 from scipy.spatial.transform import Rotation
 
 import skinmap
+from benchmarks.calibration.patches import counted, normalised
+from benchmarks.harness.timing import timed
 from calibration.commands.self_touch_words import judge
 from calibration.files.self_touch_files import SelfTouchData
 from calibration.mount.chains import Chain, TouchRecording
@@ -77,14 +78,7 @@ def patch_body(
     taxels, normals = np.full((2, size, 3), np.nan)
     taxels[skin.channels], normals[skin.channels] = skin.positions, skin.normals
     chain = robot_chain(
-        robot,
-        skin.link,
-        joints,
-        base=base,
-        name=part,
-        mount=mount,
-        taxels=taxels,
-        normals=normals,
+        robot, skin.link, joints, base=base, name=part, mount=mount, taxels=taxels, normals=normals
     )
     gains = np.exp(rng.normal(0.0, GAIN, size)) * (rng.random(size) > DEAD)
     return Body(chain, gains)
@@ -339,13 +333,14 @@ def _run(
     made: World, unknown: Sequence[str], joints: bool, rng: np.random.Generator
 ) -> dict[str, Any]:
     data = made.data()
-    start = time.process_time()
-    fit = self_touch(data.recordings, data.chains, calibrate=unknown, joint_offsets=joints, rng=rng)
-    seconds = time.process_time() - start
+    fit, seconds, _ = timed(lambda: _fit(data, unknown, joints, rng))
+    # The control: each touch has the pose of another.
+    mixed = [replace(one, angles=one.angles[rng.permutation(len(one))]) for one in data.recordings]
+    wrong = replace(data, recordings=mixed)
     return {
         "seconds": seconds,
         "status": _status(data, fit),
-        "control": _control(data, unknown, joints, rng),
+        "control": _status(wrong, _fit(wrong, unknown, joints, rng)),
         "held_out": 1e3 * fit.held_out,
         "taxels": [_errors(made.bodies[name].chain, fit) for name in unknown],
     }
@@ -356,14 +351,12 @@ def _status(data: SelfTouchData, fit: SelfTouchFit) -> str:
     return str(judged[0][0]) if judged else "ok"
 
 
-def _control(
+def _fit(
     data: SelfTouchData, unknown: Sequence[str], joints: bool, rng: np.random.Generator
-) -> str:
-    """Status where each touch has the pose of another."""
-    mixed = [replace(one, angles=one.angles[rng.permutation(len(one))]) for one in data.recordings]
-    wrong = replace(data, recordings=mixed)
-    fit = self_touch(mixed, data.chains, calibrate=unknown, joint_offsets=joints, rng=rng)
-    return _status(wrong, fit)
+) -> SelfTouchFit:
+    return self_touch(
+        data.recordings, data.chains, calibrate=unknown, joint_offsets=joints, rng=rng
+    )
 
 
 def _errors(truth: Chain, fit: SelfTouchFit) -> tuple[FloatArray, FloatArray, float]:
@@ -371,14 +364,12 @@ def _errors(truth: Chain, fit: SelfTouchFit) -> tuple[FloatArray, FloatArray, fl
     mount, taxels = fit.mounts[truth.name], known_taxels(truth)
     missed = transform_points(mount, taxels) - transform_points(truth.mount, taxels)
     covariance = taxel_covariance(truth, mount, fit.covariances[truth.name])
-    square = np.einsum("ni,nij,nj->n", missed, np.linalg.inv(covariance), missed)
     stated = np.sqrt(np.einsum("nii->n", covariance))
-    return np.linalg.norm(missed, axis=1), stated, float(square.mean() / 3)
+    return np.linalg.norm(missed, axis=1), stated, normalised(missed, covariance)
 
 
 def _row(case: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
     every = [own for run in runs for own in run["taxels"]]
-    statuses, controls = ([run[key] for run in runs] for key in ("status", "control"))
     return {
         "evidence": "simulated self-touch",
         "case": case,
@@ -394,7 +385,7 @@ def _row(case: str, runs: list[dict[str, Any]]) -> dict[str, Any]:
         "stated_mm": float(np.median([1e3 * np.median(one[1]) for one in every])),
         "normalised_error_squared": float(np.mean([one[2] for one in every])),
         "held_out_mm": float(np.median([run["held_out"] for run in runs])),
-        "statuses": {name: statuses.count(name) for name in sorted(set(statuses))},
-        "control_ok": controls.count("ok"),
+        "statuses": counted(run["status"] for run in runs),
+        "control_ok": sum(run["control"] == "ok" for run in runs),
         "cpu_s": float(np.median([run["seconds"] for run in runs])),
     }

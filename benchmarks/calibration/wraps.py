@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.calibration.links import family_cases
-from benchmarks.calibration.patches import Case, far_apart
+from benchmarks.calibration.patches import Case, far_apart, normalised
 from benchmarks.harness.timing import timed
 from calibration import PatchCalibration, Status, wrap_layout
 from calibration.patch.link_surface import make_target
@@ -60,11 +60,10 @@ def measured(found: PatchCalibration, case: Case, seconds: float) -> Run:
     """Errors of the taxels [mm], how honest they are, status and CPU time."""
     error = found.positions - case.truth
     length = 1e3 * np.linalg.norm(error, axis=1)
-    square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(found.covariance), error)
     return {
         "median": float(np.median(length)), "p95": float(np.percentile(length, 95)),
-        "normalised": float(square.mean() / 3), "seconds": seconds, "status": str(found.status),
-        "ok": found.status is Status.OK, "reasons": found.reasons,
+        "normalised": normalised(error, found.covariance), "seconds": seconds,
+        "status": str(found.status), "ok": found.status is Status.OK, "reasons": found.reasons,
     }  # fmt: skip
 
 
@@ -80,8 +79,8 @@ def _summaries(runs: list[Run], count: int) -> list[dict[str, Any]]:
         own = [run for run in runs if belongs(run)]
         if not own:
             continue
-        normalised = np.array([run["normalised"] for run in own])
-        inside = (normalised >= INSIDE[0]) & (normalised <= INSIDE[1])
+        squares = np.array([run["normalised"] for run in own])
+        inside = (squares >= INSIDE[0]) & (squares <= INSIDE[1])
         rows.append({
             "method": "flat map", "anchors": count, "boards": name, "runs": len(own),
             "median_mm": float(np.mean([run["median"] for run in own])),
@@ -89,8 +88,8 @@ def _summaries(runs: list[Run], count: int) -> list[dict[str, Any]]:
             "worst_median_ok_mm": max((run["median"] for run in own if run["ok"]), default=None),
             "refused": sum(not run["ok"] for run in own),
             "normalised_error_squared": {
-                "lowest": float(normalised.min()), "median": float(np.median(normalised)),
-                "highest": float(normalised.max()), "share_inside": float(inside.mean()),
+                "lowest": float(squares.min()), "median": float(np.median(squares)),
+                "highest": float(squares.max()), "share_inside": float(inside.mean()),
             },
             "seconds_median": float(np.median([run["seconds"] for run in own])),
         })  # fmt: skip
@@ -125,7 +124,7 @@ def wrong_rows(icub: list[Case], each: int) -> list[dict[str, Any]]:
 
 def _spoilt(case: Case, spoil: Any, count: int, rng: np.random.Generator) -> Run:
     taxels, points = anchored(case, count, rng)
-    layout, points, words = spoil(case, case.layout, taxels, points, rng)
+    layout, points, words = spoil(case, taxels, points, rng)
     modules = case.modules if len(np.unique(case.modules)) > 1 and "flat" not in case.part else None
     run = wrapped(
         case, layout, taxels, points, modules=modules,
@@ -139,15 +138,15 @@ def _spoilt(case: Case, spoil: Any, count: int, rng: np.random.Generator) -> Run
 Spoilt = tuple[FloatArray, FloatArray, tuple[str, ...]]  # layout, points, words that name it
 
 
-def _honest(case: Case, layout: Any, taxels: Any, points: Any, rng: Any) -> Spoilt:
-    return layout, points, ()
+def _honest(case: Case, taxels: Any, points: Any, rng: Any) -> Spoilt:
+    return case.layout, points, ()
 
 
-def _mirrored(case: Case, layout: Any, taxels: Any, points: Any, rng: Any) -> Spoilt:
-    return layout * [-1.0, 1.0], points, ("drawn from the other side",)
+def _mirrored(case: Case, taxels: Any, points: Any, rng: Any) -> Spoilt:
+    return case.layout * [-1.0, 1.0], points, ("drawn from the other side",)
 
 
-def _misplaced(case: Case, layout: Any, taxels: Any, points: Any, rng: Any) -> Spoilt:
+def _misplaced(case: Case, taxels: Any, points: Any, rng: Any) -> Spoilt:
     row = int(rng.integers(len(taxels)))
     away = case.truth - case.truth[taxels[row]]
     near = away[np.argsort(np.linalg.norm(away, axis=1))[:NEAR]]
@@ -156,20 +155,20 @@ def _misplaced(case: Case, layout: Any, taxels: Any, points: Any, rng: Any) -> S
     step -= (step @ normal) * normal
     moved = points.copy()
     moved[row] += OFF * step / np.linalg.norm(step)
-    return layout, moved, (f"channel {FIRST_CHANNEL + taxels[row]} is misplaced",)
+    return case.layout, moved, (f"channel {FIRST_CHANNEL + taxels[row]} is misplaced",)
 
 
-def _exchanged(case: Case, layout: Any, taxels: Any, points: Any, rng: Any) -> Spoilt:
+def _exchanged(case: Case, taxels: Any, points: Any, rng: Any) -> Spoilt:
     pair = rng.choice(len(taxels), 2, replace=False)
     moved = points.copy()
     moved[pair] = points[pair[::-1]]
     names = (str(FIRST_CHANNEL + taxels[row]) for row in pair)
-    return layout, moved, ("are exchanged", *names)
+    return case.layout, moved, ("are exchanged", *names)
 
 
-def _scaled(case: Case, layout: Any, taxels: Any, points: Any, rng: Any) -> Spoilt:
+def _scaled(case: Case, taxels: Any, points: Any, rng: Any) -> Spoilt:
     factor = float(rng.choice([0.8, 0.9, 1.1, 1.3]))
-    return factor * layout, points, (f"% too {'large' if factor > 1.0 else 'small'}",)
+    return factor * case.layout, points, (f"% too {'large' if factor > 1.0 else 'small'}",)
 
 
 SPOILT: dict[str, Callable[..., Spoilt]] = {

@@ -5,12 +5,15 @@ Shared by what judges answers (`evidence`) and what chooses the next place (`pla
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 from scipy.special import ndtr
 
 from calibration.wiring.boards import Boards
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import tangent_frames
+from skinmap.geometry.triangles import unit
 
 PLACE = 4e-3  # error of a person's place, standard deviation an axis [m]
 THRESHOLD = 12.0  # counts above rest that are an answer, as `ACTIVE` of `skinmap.touch`
@@ -55,6 +58,12 @@ def step_of(log_expected: FloatArray) -> IntArray:
     return np.asarray(np.fmin(np.fmax(step, 0.0), STEPS), np.int16)  # fmax: NaN is none
 
 
+def steps_at(square: FloatArray, shapes: Sequence[tuple[float, float]]) -> IntArray:
+    """(s, ...) columns of `TABLE` at squared distances (...) [m2] from touches of some shapes."""
+    width, force = np.array(shapes, square.dtype).T.reshape(2, -1, *[1] * square.ndim)
+    return step_of(np.log(force) - 0.5 * (square / width**2))
+
+
 def offsets(scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
     """(o, 2) errors of a place on a grid and their log chances."""
     steps = scale * 5e-3 * np.arange(-3, 4)
@@ -68,3 +77,9 @@ def tangents(boards: Boards, place: FloatArray) -> FloatArray:
     """(2, 3) directions along the skin at a place (3,)."""
     nearest = int(np.argmin(np.linalg.norm(boards.table.positions - place, axis=1)))
     return tangent_frames(boards.normals[nearest])
+
+
+def sideways(boards: Boards, path: FloatArray) -> FloatArray:
+    """(3,) direction along the skin across a stroke (p, 3)."""
+    normal = np.cross(*tangents(boards, path[len(path) // 2]))
+    return unit(np.cross(normal, unit(path[-1] - path[0])))

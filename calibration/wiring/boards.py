@@ -23,13 +23,9 @@ SAME_PLACE = 0.35  # of a pitch: a turned slot that comes so near another one st
 ELEMENTS = ("as it is", "turned 120", "turned 240", "mirrored 0", "mirrored 120", "mirrored 240")
 
 
-def _group() -> FloatArray:
-    """(6, 2, 2) what a triangle may suffer: turns by 0, 120, 240 degrees, and a mirror after."""
-    turns = plane_turns(np.radians([0.0, 120.0, 240.0]))
-    return np.concatenate([turns, turns @ np.diag([-1.0, 1.0])])
-
-
-GROUP = _group()
+# (6, 2, 2) what a triangle may suffer: turns by 0, 120, 240 degrees, and a mirror after.
+_TURNS = plane_turns(np.radians([0.0, 120.0, 240.0]))
+GROUP = np.concatenate([_TURNS, _TURNS @ np.diag([-1.0, 1.0])])
 
 
 def compose(after: int, before: int) -> int:
@@ -67,8 +63,6 @@ class Boards:
         Normal of each module.
     turns : (6, k) int or None
         Slot whose place each slot takes for each element; None where a layout has no such symmetry.
-    turnable : bool
-        Whether turned and mirrored modules can be told at all.
     slots : int
         Slots of the layout; 0 where none is known.
     pitch : float
@@ -85,7 +79,6 @@ class Boards:
     places: FloatArray
     outward: FloatArray
     turns: IntArray | None
-    turnable: bool
     slots: int
     pitch: float
 
@@ -94,6 +87,11 @@ class Boards:
 
     def __len__(self) -> int:
         return len(self.numbers)
+
+    @property
+    def turnable(self) -> bool:
+        """Whether turned and mirrored modules can be told at all."""
+        return bool(np.isfinite(self.places[:, 1]).any())
 
     @property
     def centres(self) -> FloatArray:
@@ -132,35 +130,24 @@ def boards_of(robot: Robot, part: str) -> Boards:
     >>> len(boards_of(skinmap.load_robot("icub"), "left_forearm"))
     24
     """
-    skin = robot.skin(part)
-    return make_boards(robot.repair(part).table, skin.normals, robot.part(part).layout, part=part)
-
-
-def make_boards(
-    table: TaxelTable,
-    normals: FloatArray,
-    layout: ModuleLayout | None,
-    *,
-    part: str,
-) -> Boards:
-    """Boards from a table (n taxels) with outward normals (n, 3)."""
+    table, layout = robot.repair(part).table, robot.part(part).layout
+    normals = np.asarray(robot.skin(part).normals, np.float64)
     numbers = np.unique(table.modules)
     columns = _columns(table, numbers, layout)
     places = np.full((len(numbers), 6, columns.shape[1], 3), np.nan)
     there = columns >= 0
     places[:, 0][there] = table.positions[columns[there]]
-    outward = np.array(
-        [unit(normals[row[row >= 0]].mean(axis=0, keepdims=True))[0] for row in columns]
-    )
-    turns, turnable = None, False
-    if layout is not None:
-        turns = _symmetry(layout)
-        turnable = _turn(places, table, layout, turns)
+    outward = unit(np.array([normals[row[row >= 0]].mean(axis=0) for row in columns]))
+    turns = None if layout is None else _symmetry(layout)
+    if turns is not None:
+        places[:, 1:] = places[:, 0][:, turns[1:]]
+    elif layout is not None:
+        _turn(places, table, layout)
     address = _addresses(table, numbers, layout)
     return Boards(
         part,
         table,
-        np.asarray(normals, np.float64),
+        normals,
         numbers,
         columns,
         address // CHAIN,
@@ -168,7 +155,6 @@ def make_boards(
         places,
         outward,
         turns,
-        turnable,
         0 if layout is None else len(layout),
         median_spacing(table.positions),
     )
@@ -212,14 +198,8 @@ def _symmetry(layout: ModuleLayout) -> IntArray | None:
     return turns
 
 
-def _turn(
-    places: FloatArray, table: TaxelTable, layout: ModuleLayout, turns: IntArray | None
-) -> bool:
-    """Fill in the places of turned and mirrored modules; whether there are any."""
-    if turns is not None:
-        for element in range(1, 6):
-            places[:, element] = places[:, 0][:, turns[element]]
-        return True
+def _turn(places: FloatArray, table: TaxelTable, layout: ModuleLayout) -> None:
+    """Fill in the places of turned and mirrored modules that no turn carries into themselves."""
     poses = fit_modules(table, layout)
     middle = layout.tactile.mean(axis=0)
     for row, number in enumerate(np.unique(table.modules).tolist()):
@@ -230,7 +210,6 @@ def _turn(
             flat = np.column_stack([xy, np.zeros(len(xy))])
             places[row, element] = transform_points(poses[number].T_link_module, flat)
         places[row, 1:, np.isnan(places[row, 0, :, 0])] = np.nan
-    return bool(np.isfinite(places[:, 1]).any())
 
 
 @dataclass(frozen=True, eq=False, slots=True)

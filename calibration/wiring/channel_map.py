@@ -12,8 +12,6 @@ from calibration.wiring.boards import Boards, Wiring
 from calibration.wiring.faults import Fault
 from skinmap.arrays import IntArray
 from skinmap.errors import InvalidArrayError
-from skinmap.io.output import staged_file
-from skinmap.io.taxels.taxel_table import write_csv
 from skinmap.skin.taxels import TaxelTable
 
 
@@ -41,42 +39,32 @@ def corrected(boards: Boards, wiring: Wiring, faults: list[Fault]) -> tuple[Taxe
     table = boards.table
     moved = there & (np.abs(places - table.positions).max(axis=1) > 1e-9)
     _, nearest = cKDTree(table.positions).query(places[there])
-    channels = [table.channels[there]]
-    modules = [table.modules[there]]
-    positions = [places[there]]
-    normals = [boards.normals[nearest]]
-    for channel, module, row in _found_again(boards, wiring, faults):
-        channels.append(np.array([channel]))
-        modules.append(np.array([module]))
-        positions.append(table.positions[[row]])
-        normals.append(boards.normals[[row]])
+    channels, modules, rows = _found_again(boards, wiring, faults).T
     joined = TaxelTable(
-        np.concatenate(channels), np.concatenate(modules), np.concatenate(positions),
-        np.concatenate(normals), link=table.link,
-    )  # fmt: skip
+        np.concatenate([table.channels[there], channels]),
+        np.concatenate([table.modules[there], modules]),
+        np.concatenate([places[there], table.positions[rows]]),
+        np.concatenate([boards.normals[nearest], boards.normals[rows]]),
+        link=table.link,
+    )
     return joined, table.channels[moved | ~there]
 
 
-def _found_again(boards: Boards, wiring: Wiring, faults: list[Fault]) -> list[tuple[int, int, int]]:
-    """Channel, module and row of places that no row of the table reads after chains changed."""
-    lost = np.flatnonzero(wiring.owner < 0)
+def _found_again(boards: Boards, wiring: Wiring, faults: list[Fault]) -> IntArray:
+    """(c, 3) channel, module and row of places that no row reads after chains changed."""
     swapped = [fault.chains for fault in faults if fault.kind == "swapped_chains"]
     found: list[tuple[int, int, int]] = []
-    if not swapped or not boards.slots:
-        return found
-    if not np.array_equal(boards.table.modules, boards.table.channels // boards.slots):
-        return found
-    length = _room(boards)
-    for site in lost.tolist():
-        chain = int(boards.chains[site])
-        for one, other in swapped:
-            if chain in (one, other):
-                chain = other if chain == one else one
-        module = chain * length + int(boards.spots[site])
-        for row in boards.columns[site][boards.columns[site] >= 0].tolist():
-            slot = int(boards.table.channels[row] % boards.slots)
-            found.append((module * boards.slots + slot, module, row))
-    return found
+    table, slots = boards.table, boards.slots
+    if swapped and slots and np.array_equal(table.modules, table.channels // slots):
+        for site in np.flatnonzero(wiring.owner < 0).tolist():
+            chain = int(boards.chains[site])
+            for one, other in swapped:
+                if chain in (one, other):
+                    chain = other if chain == one else one
+            module = chain * _room(boards) + int(boards.spots[site])
+            for row in boards.columns[site][boards.columns[site] >= 0].tolist():
+                found.append((module * slots + int(table.channels[row] % slots), module, row))
+    return np.array(found, np.int64).reshape(-1, 3)
 
 
 def _room(boards: Boards) -> int:
@@ -101,15 +89,3 @@ def map_files(parts: Sequence[str], out: Path) -> dict[str, Path]:
     if len(parts) > 1:
         raise InvalidArrayError(f"{len(parts)} parts do not go into one table: give a folder")
     return {parts[0]: out}
-
-
-def write_map(table: TaxelTable, path: Path) -> None:
-    """Write a corrected map.
-
-    Raises
-    ------
-    OutputError
-        Its folder does not exist, or cannot be written to.
-    """
-    with staged_file(path) as stage:
-        write_csv(table, stage)

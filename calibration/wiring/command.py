@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack, closing
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -21,7 +23,7 @@ from skinmap.report.present import present
 from skinmap.report.result import OK, Verdict
 
 if TYPE_CHECKING:
-    from calibration.wiring.examination import Examination, Marker, Plan
+    from calibration.wiring.examination import Examination, Marker
     from skinmap.live.sources.source import Source
     from skinmap.skin.robot import Robot
 
@@ -79,8 +81,8 @@ def checkup(
     \b
     Example:  skinmap checkup lsl:skin --part right_forearm --history checkups -o today.pdf
     """
-    from calibration.wiring.examination import Plan
-    from calibration.wiring.history import earlier_checkups
+    from calibration.wiring.examination import Plan, examine_live, examine_recording
+    from calibration.wiring.history import earlier_checkups, keep_checkup
 
     started, when = time.process_time(), datetime.now(UTC)
     loaded, names = open_robot(robot, parts)
@@ -96,32 +98,28 @@ def checkup(
     if output is not None:
         _protect(output, names)
     before = [] if history is None else earlier_checkups(history)
-
-    def told(line: str) -> None:
-        click.echo(line, err=as_json)
-
-    opened = None if recorded else _opened(source, loaded, parts, plant, len(before))
-    markers = [_marker(loaded, names, told)] if web else []
-    if simulated:
-        markers.append(opened)  # type: ignore[arg-type]  # a person, who touches where it is shown
+    told = partial(click.echo, err=as_json)
+    markers: list[Marker] = []
     plan = Plan(told=told, markers=markers, covers=history is not None)
-    try:
-        examined = _examined(Path(source), opened, loaded, parts, plan, places)
-    finally:
-        for one in markers:
-            one.close()
-        if opened is not None:
-            opened.close()
+    with ExitStack() as opened:
+        if not recorded:
+            live = opened.enter_context(closing(_opened(source, loaded, parts, plant, len(before))))
+        if web:
+            markers.append(opened.enter_context(closing(_marker(loaded, names, told))))
+        if simulated:
+            markers.append(live)  # type: ignore[arg-type]  # a person, who touches where it is shown
+        if recorded:
+            examined = examine_recording(Path(source), loaded, parts, plan, places=places)
+        else:
+            examined = examine_live(live, loaded, parts, plan)
     result = findings(examined)
     if history is not None:
-        from calibration.wiring.history import keep_checkup
-
         changes, kept = keep_checkup(history, before, examined, result, when)
         result = with_changes(result, examined.cases, changes, len(before) + 1)
         result = replace(result, files=kept)
     if output is not None:
-        result = replace(result, files=[*_written(output, result, examined, loaded, when),
-                                        *result.files])  # fmt: skip
+        written = _written(output, result, examined, loaded, when)
+        result = replace(result, files=[*written, *result.files])
     result = replace(result, seconds=time.process_time() - started)
     bad = result.status == "inconsistent"
     present(result, lines, as_json=as_json, verdict=Verdict(result.status if bad else OK))
@@ -139,21 +137,6 @@ def _protect(output: Path, parts: tuple[str, ...]) -> None:
         protect(one, data=suffix != ".pdf")
     if not suffix:
         protect(output / PAGE)
-
-
-def _examined(
-    path: Path,
-    opened: Source | None,
-    robot: Robot,
-    parts: tuple[str, ...],
-    plan: Plan,
-    places: Path | None,
-) -> Examination:
-    from calibration.wiring.examination import examine_live, examine_recording
-
-    if opened is None:
-        return examine_recording(path, robot, parts, plan, places=places)
-    return examine_live(opened, robot, parts, plan)
 
 
 def _opened(
@@ -182,9 +165,10 @@ def _written(
     output: Path, result: CheckupResult, examined: Examination, robot: Robot, when: datetime
 ) -> Iterator[str]:
     """Write the page and the corrected maps; the files' names."""
-    from calibration.wiring.channel_map import corrected, map_files, write_map
+    from calibration.wiring.channel_map import corrected, map_files
     from calibration.wiring.page import write_page
     from skinmap.io.output import staged_file
+    from skinmap.io.taxels.taxel_table import write_csv
 
     suffix = output.suffix.lower()
     if not suffix:
@@ -201,7 +185,8 @@ def _written(
         faults = [found.fault for found in case.doctor.found]
         table, moved = corrected(case.boards, case.doctor.wiring, faults)
         if len(moved) and case.doctor.status != "inconsistent":
-            write_map(table, files[case.part])
+            with staged_file(files[case.part]) as stage:
+                write_csv(table, stage)
             yield str(files[case.part])
 
 
@@ -209,8 +194,9 @@ def _is_file(source: str) -> bool:
     from skinmap.errors import MissingFileError
     from skinmap.live.sources.open_source import FILES, sources
 
-    if source.partition(":")[0] in sources.names():
-        if source.partition(":")[0] == "sim":
+    kind, _, _ = source.partition(":")
+    if kind in sources.names():
+        if kind == "sim":
             raise click.UsageError("the simulated skin of a check-up is `sim` alone, with --part")
         return False
     path = Path(source)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -129,7 +130,10 @@ class Doctor:
     def _name(self) -> list[Found]:
         """Name what is sure, one fault after the other."""
         new: list[Found] = []
-        while len(self.found) < MAX_FAULTS and (one := self._sure()) is not None:
+        while len(self.found) < MAX_FAULTS:
+            one = self._likeliest(SURE, self._backed, 3, 1e-4)
+            if one is None:
+                break
             new.append(self._named(one))
         return new
 
@@ -146,13 +150,10 @@ class Doctor:
         if all(touch.path is None for touch in self.touches):
             return new  # without places nothing is named that is not sure
         while len(self.found) < MAX_FAULTS and self.healthy < ILL:
-            posterior = self.posterior
-            row = int(np.argmax(posterior))
-            if row == 0 or posterior[row] < np.log(LIKELY) or not self._shown(row):
+            one = self._likeliest(LIKELY, self._shown, 4, 0.01)
+            if one is None:
                 break
-            others = tuple(one for one in self.suspects(5)[1:] if one[1] > 0.01)
-            chance = float(np.exp(posterior[row]))
-            new.append(self._named(Found(self.hypotheses.faults[row], chance, others)))
+            new.append(self._named(one))
         return new
 
     def suspects(self, count: int = 5) -> list[tuple[Fault, float]]:
@@ -253,10 +254,13 @@ class Doctor:
         poked = all(touch.how == "poke" for touch in self.touches)
         return self._backed(row) or (poked and self.hypotheses.faults[row].kind in INSIDE)
 
-    def _sure(self) -> Found | None:
+    def _likeliest(
+        self, sure: float, trusted: Callable[[int], bool], count: int, least: float
+    ) -> Found | None:
+        """The likeliest fault, if it is so sure and trusted; with others of at least so much."""
         posterior = self.posterior
         row = int(np.argmax(posterior))
-        if row == 0 or posterior[row] < np.log(SURE) or not self._backed(row):
+        if row == 0 or posterior[row] < np.log(sure) or not trusted(row):
             return None
-        others = tuple(one for one in self.suspects(4)[1:] if one[1] > 1e-4)
+        others = tuple(one for one in self.suspects(count + 1)[1:] if one[1] > least)
         return Found(self.hypotheses.faults[row], float(np.exp(posterior[row])), others)

@@ -21,14 +21,14 @@ from calibration.wiring.answer_model import (
     TIMING,
     level_of,
     offsets,
-    step_of,
+    sideways,
+    steps_at,
     tangents,
 )
 from calibration.wiring.boards import Boards, Wiring, compose
 from calibration.wiring.faults import Hypotheses
 from calibration.wiring.touches import Touch
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.geometry.triangles import unit
 
 MISS, AIR = 0.03, 0.01  # chances that a touch is somewhere else, and that it touches nothing
 SILENCE = 5.0  # most that a silent module's silence says for its being mute, a touch [nats]
@@ -97,17 +97,15 @@ class Witness:
         self.taken = np.empty((m, 6, k), np.int64)
         for site in range(m):
             for element in range(6):
-                total = _compose(element, int(wiring.element[site]))
+                total = compose(element, int(wiring.element[site]))
                 order = wiring.order[site]
                 self.taken[site, element] = (
                     boards.turns[total][order] if boards.turns is not None else total * k + order
                 )
         self.pairs = np.array(boards.pairs, np.int64).reshape(-1, 2)
         self.centres = boards.centres
-        moved = [
-            _relevant(fault.moves(boards)) for fault in hypotheses.faults[hypotheses.chain_first :]
-        ]
-        self.chain_moves = moved
+        moves = [fault.moves(boards) for fault in hypotheses.faults[hypotheses.chain_first :]]
+        self.chain_moves = [(np.array([*one]), np.array([*one.values()])) for one in moves]
         self.sites = len(boards.table) / 3.0  # places a missed touch may be at: a few mm apart
 
     def hear(self, touch: Touch) -> tuple[FloatArray, bool]:
@@ -142,11 +140,7 @@ class Witness:
         points, weights, here = cases  # (o, p, 3) paths, (o,) log chances, (o,) as asked
         near = self._near(points)
         square, along = _to_paths(points.astype(np.float32), self.spots[near].astype(np.float32))
-        shapes = np.array(STROKE_SHAPES if touch.how == "stroke" else SHAPES, np.float32)
-        log_answer = np.log(shapes[:, 1])[:, None, None, None] - 0.5 * (
-            square[None] / (shapes[:, 0] ** 2)[:, None, None, None]
-        )
-        step = step_of(log_answer)
+        step = steps_at(square, STROKE_SHAPES if touch.how == "stroke" else SHAPES)
         s, o = step.shape[:2]
         step = step.reshape(s * o, *step.shape[2:])
         weights = np.add.outer(np.full(s, -np.log(s)), weights).ravel()
@@ -207,14 +201,11 @@ class Witness:
 
     def _strokes(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Strokes beside the one asked for: both ends off to a side."""
-        along = unit((path[-1] - path[0])[None])[0]
-        normal = np.cross(*tangents(self.boards, path[len(path) // 2]))
-        side = unit(np.cross(normal, along)[None])[0]
         share = np.linspace(0.0, 1.0, len(path))
         off = np.array([-8e-3, -4e-3, 0.0, 4e-3, 8e-3])
         first, last = (end.ravel() for end in np.meshgrid(off, off, indexing="ij"))
         lateral = first[:, None] * (1.0 - share) + last[:, None] * share
-        points = path + lateral[..., None] * side
+        points = path + lateral[..., None] * sideways(self.boards, path)
         weight = -0.5 * (first**2 + last**2) / PLACE**2
         return points, weight - np.log(np.exp(weight).sum())
 
@@ -242,6 +233,7 @@ class Witness:
         silent = np.where(level >= 0, TABLE[level, 0], 0.0).sum(axis=1)
         now = step[:, :, 0]  # (q, b, k)
         kinds, which = np.unique(level, axis=0, return_inverse=True)
+        late: _Late = None
         if arrival is not None:  # the answers of two modules differ by when they came, too
             kinds, which = level, np.arange(len(level))
             busy = (level > 0).any(axis=1)
@@ -250,41 +242,31 @@ class Witness:
             which = np.empty(len(level), np.int64)
             which[busy] = np.arange(busy.sum())
             which[~busy] = busy.sum() + inverse.ravel()
-        chance = _log_chance(kinds[None, :, None], now[:, None])  # (q, u, b, k)
-        if arrival is not None:
             when = touch.arrival[self.column]
             shown = np.zeros_like(kinds, float)
             shown[: busy.sum()] = when[busy]
-            bonus = _timing(shown[None, :, None], arrival[:, None, :, 0], now[:, None])
-            chance = chance + np.where(kinds[None, :, None] > 0, bonus, 0.0)
+            late = shown[None, :, None], arrival[:, None, :, 0]
+        chance = _log_chance(kinds[None, :, None], now[:, None], late)  # (q, u, b, k)
         reads = chance.sum(axis=-1)[:, which.ravel()]
         own = self.owner[near]
         mine = level[own]
         laid = np.zeros((len(step), len(near), 5), np.float32)
         if self.boards.turnable:
-            turned = _log_chance(mine[None, :, None], step[:, :, 1:])
             if arrival is not None:
-                bonus = _timing(when[own][None, :, None], arrival[:, :, 1:], step[:, :, 1:])
-                turned = turned + np.where(mine[None, :, None] > 0, bonus, 0.0)
-            laid = turned.sum(axis=-1)
+                late = when[own][None, :, None], arrival[:, :, 1:]
+            laid = _log_chance(mine[None, :, None], step[:, :, 1:], late).sum(axis=-1)
         some = np.flatnonzero((mine > 0).any(axis=1))  # silent channels may well be exchanged
-        late = None if arrival is None else (when[own[some]], arrival[:, some, 0])
+        late = None if arrival is None else (when[own[some]][None], arrival[:, some, 0])
         exchanged = self._exchanged(mine[some], now[:, some], late)
         return Terms(*cases, near, reads, silent, laid, some, exchanged)
 
-    def _exchanged(
-        self, level: IntArray, step: IntArray, late: tuple[FloatArray, FloatArray] | None
-    ) -> FloatArray:
+    def _exchanged(self, level: IntArray, step: IntArray, late: _Late) -> FloatArray:
         """(q, s, p) log chance of modules' answers (s, k), were two channels exchanged."""
         one, other = self.pairs[:, 0], self.pairs[:, 1]
 
         def chance(a: IntArray | slice, b: IntArray | slice) -> FloatArray:
-            found = _log_chance(level[None][..., a], step[..., b])
-            if late is not None:
-                when, where = late
-                bonus = _timing(when[None][..., a], where[..., b], step[..., b])
-                found = found + np.where(level[None][..., a] > 0, bonus, np.float32(0.0))
-            return found
+            own = None if late is None else (late[0][..., a], late[1][..., b])
+            return _log_chance(level[None][..., a], step[..., b], own)
 
         direct = chance(slice(None), slice(None))
         kept = direct.sum(axis=-1, keepdims=True) - direct[..., one] - direct[..., other]
@@ -353,14 +335,6 @@ class Witness:
         return found
 
 
-def _compose(after: int, before: int) -> int:
-    return after if before == 0 else compose(after, before)
-
-
-def _relevant(moves: dict[int, int]) -> tuple[IntArray, IntArray]:
-    return np.array(list(moves), np.int64), np.array(list(moves.values()), np.int64)
-
-
 def _to_paths(points: FloatArray, slots: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Squared distances (o, b, k) of slots (b, k, 3) to paths (o, p, 3), and shares along them."""
     o, p = points.shape[:2]
@@ -380,10 +354,16 @@ def _to_paths(points: FloatArray, slots: FloatArray) -> tuple[FloatArray, FloatA
     return least.reshape(shape), (nearest / np.float32(p - 1)).astype(np.float32).reshape(shape)
 
 
-def _log_chance(level: IntArray, step: IntArray) -> FloatArray:
+_Late = tuple[FloatArray, FloatArray] | None  # when answers came, and when they should
+
+
+def _log_chance(level: IntArray, step: IntArray, late: _Late = None) -> FloatArray:
     """Log chance of levels for expected answers; 0 where there is no channel (level -1)."""
     found = TABLE[np.maximum(level, 0), step]
-    return np.asarray(np.where(level >= 0, found, np.float32(0.0)))
+    found = np.where(level >= 0, found, np.float32(0.0))
+    if late is not None:
+        found = found + np.where(level > 0, _timing(*late, step), np.float32(0.0))
+    return np.asarray(found)
 
 
 def _timing(when: FloatArray, where: FloatArray, step: IntArray) -> FloatArray:

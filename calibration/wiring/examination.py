@@ -25,6 +25,7 @@ from calibration.wiring.touches import (
     make_touch,
     untouched,
     without_holes,
+    without_spikes,
 )
 from skinmap.arrays import BoolArray, FloatArray
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, UnknownNameError
@@ -205,8 +206,8 @@ def ask(
         _hear(cases[asked.part], heard[asked.part], asked.how, asked.path, plan)
 
 
-def _hear(case: Case, answers: FloatArray, how: str, path: FloatArray | None, plan: Plan) -> None:
-    touch = make_touch(answers, how, path)
+def _hear(case: Case, above: FloatArray, how: str, path: FloatArray | None, plan: Plan) -> None:
+    touch = make_touch(without_spikes(above), how, path, above)
     new = case.doctor.hear(touch)
     felt = touch.response > THRESHOLD
     modules = np.unique(case.boards.table.modules[felt]).tolist()
@@ -310,7 +311,7 @@ def _examine_part(
         spans = find_touches(answers)
         quiet = untouched(len(values), spans)
     case.take_rest(values[quiet][:MAX_REST])
-    answers = case.without_noisy(base).answers(values)
+    above = case.without_noisy(base).above(values)
     labels = [touch.label for touch in marked] or [""] * len(spans)
     asked: list[FloatArray | None] = [None] * len(spans)
     if places is not None:
@@ -334,7 +335,7 @@ def _examine_part(
         if label in LARGE and not stroked:
             continue  # a hand is too large; and without its place a stroke, too
         used += 1
-        _hear(case, answers[begin : end + 1], "stroke" if stroked else "poke", place, plan)
+        _hear(case, above[begin : end + 1], "stroke" if stroked else "poke", place, plan)
     return _untold(case, len(spans) - used)
 
 
@@ -479,7 +480,7 @@ class _Stream:
         }
 
     def touch(self, level: dict[str, Baseline], plan: Plan) -> dict[str, FloatArray] | None:
-        """Answers (t, n) by part from a touch's beginning to its end; None where none came."""
+        """Samples (t, n) above rest by part from a touch's beginning to its end; None for none."""
         kept: dict[str, list[FloatArray]] = {part: [] for part in self.columns}
         last = {part: np.zeros(len(columns)) for part, columns in self.columns.items()}
         quiet, felt = 0, 0
@@ -506,8 +507,9 @@ class _Stream:
                 felt += int(active.sum())
                 quiet = 0 if active[-1] else quiet + len(active)
             if felt and quiet > ENDS:
-                found = {p: level[p].answers(np.concatenate(v)) for p, v in kept.items()}
-                if felt >= BEGINS and max(one.max() for one in found.values()) > THRESHOLD:
+                found = {p: level[p].above(np.concatenate(v)) for p, v in kept.items()}
+                top = max(without_spikes(one).max() for one in found.values())
+                if felt >= BEGINS and top > THRESHOLD:
                     return found
                 kept, felt, quiet = {part: [] for part in self.columns}, 0, 0  # a spike
         return None

@@ -82,29 +82,22 @@ class Fault:
     def words(self, boards: Boards) -> str:
         """For people."""
         numbers, part = self.numbers(boards), boards.part
+        one, other = (*(self.chains or numbers), 0, 0)[:2]
+        turn = 120 * (self.element % 3)
+        too = f" and with a turn of {turn} degrees" if turn else ""
         every = f"modules {', '.join(map(str, numbers))}"
-        if self.kind == "healthy":
-            return "nothing is wrong"
-        if self.kind == "swapped_modules":
-            return f"modules {numbers[0]} and {numbers[1]} of {part} exchanged: swap their plugs"
-        if self.kind == "turned_module":
-            turn = 120 * self.element
-            return f"module {numbers[0]} of {part}: mounted with a turn of {turn} degrees"
-        if self.kind == "mirrored_module":
-            turn = 120 * (self.element - 3)
-            more = f" and with a turn of {turn} degrees" if turn else ""
-            return f"module {numbers[0]} of {part}: mounted mirrored{more}"
-        if self.kind == "mute_module":
-            return f"module {numbers[0]} of {part}: cable or board"
-        if self.kind == "swapped_channels":
-            one, other = self.channels(boards)
-            return f"channels {one} and {other} of {part} exchanged, in module {numbers[0]}"
-        if self.kind == "swapped_chains":
-            one, other = self.chains
-            return f"chains {one} and {other} of {part} exchanged: swap their cables"
-        if self.kind == "mute_chain":
-            return f"chain {self.chains[0]} of {part}, {every}: cable or board of the chain"
-        return f"chain {self.chains[0]} of {part}, {every}: wired in reverse order"
+        channels = " and ".join(map(str, self.channels(boards)))
+        return {
+            "healthy": "nothing is wrong",
+            "swapped_modules": f"modules {one} and {other} of {part} exchanged: swap their plugs",
+            "turned_module": f"module {one} of {part}: mounted with a turn of {turn} degrees",
+            "mirrored_module": f"module {one} of {part}: mounted mirrored{too}",
+            "mute_module": f"module {one} of {part}: cable or board",
+            "swapped_channels": f"channels {channels} of {part} exchanged, in module {one}",
+            "swapped_chains": f"chains {one} and {other} of {part} exchanged: swap their cables",
+            "mute_chain": f"chain {one} of {part}, {every}: cable or board of the chain",
+            "reversed_chain": f"chain {one} of {part}, {every}: wired in reverse order",
+        }[self.kind]
 
 
 NOTHING = Fault("healthy")
@@ -131,8 +124,8 @@ class Hypotheses:
     log_prior : (h,) float
     swaps : (s, 2) int
         Modules of the swaps, which come second.
-    chains : tuple of Fault
-        Faults of chains, which come last.
+    chain_first : int
+        Row of the first fault of chains, which come last.
     """
 
     faults: tuple[Fault, ...]

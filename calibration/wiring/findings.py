@@ -12,6 +12,7 @@ from skinmap.rows import column, row
 from skinmap.summary import first_few
 
 if TYPE_CHECKING:
+    from calibration.wiring.boards import Boards
     from calibration.wiring.examination import Case, Examination
     from calibration.wiring.faults import Fault
     from calibration.wiring.history import Change
@@ -144,8 +145,7 @@ def with_changes(
     boards = {case.part: case.boards for case in cases}
     known = {(one.part, c) for one in result.faults for c in one.channels}
     new = [
-        _taxel_row(boards[one.part].part, boards[one.part], one.kind, [one.row], one.words,
-                   one.confidence, one.since)
+        _taxel_row(boards[one.part], one.kind, [one.row], one.words, one.confidence, one.since)
         for one in changes
         if (one.part, int(boards[one.part].table.channels[one.row])) not in known
     ]  # fmt: skip
@@ -168,40 +168,39 @@ def _of_case(case: Case) -> Iterator[FaultRow]:
             one = _fault_row(case, found.fault, found.confidence, found.alternatives)
             named |= set(one.channels) if "mute" in one.kind else set()
             yield one
-    channels = case.boards.table.channels
+    single: list[tuple[str, list[int], str, float]] = []
     for own in case.rest.found if case.rest is not None else ():
         rows = own.channels or []
+        text = OF_TAXELS[own.kind] + (f" at {own.value:g}" if isinstance(own.value, float) else "")
         for several in [rows] if own.kind == "copied" else [[one] for one in rows]:
-            if not named & set(channels[several].tolist()):
-                named |= set(channels[several].tolist())
-                text = OF_TAXELS[own.kind] + (
-                    f" at {own.value:g}" if isinstance(own.value, float) else ""
-                )
-                yield _taxel_row(case.part, case.boards, own.kind, several, text, own.confidence)
+            single.append((own.kind, several, text, own.confidence))
     for silent in _silent(case).tolist():
-        if int(channels[silent]) not in named:
-            text = OF_TAXELS["silent"]
-            yield _taxel_row(case.part, case.boards, "silent", [silent], text, SAME_SURE)
+        single.append(("silent", [silent], OF_TAXELS["silent"], SAME_SURE))
+    for kind, rows, text, sure in single:
+        channels = set(case.boards.table.channels[rows].tolist())
+        if not named & channels:
+            named |= channels
+            yield _taxel_row(case.boards, kind, rows, text, sure)
 
 
 def _taxel_row(
-    part: str, boards: object, kind: str, rows: list[int], text: str, sure: float,
-    since: str | None = None,
-) -> FaultRow:  # fmt: skip
-    from calibration.wiring.boards import Boards
-
-    assert isinstance(boards, Boards)
+    boards: Boards, kind: str, rows: list[int], text: str, sure: float, since: str | None = None
+) -> FaultRow:
     table = boards.table
-    channels = [int(one) for one in table.channels[rows]]
-    modules = sorted({int(one) for one in table.modules[rows]})
-    head = (
-        "channels " + " and ".join(map(str, channels)) if len(rows) > 1 else f"taxel {channels[0]}"
-    )
+    channels = table.channels[rows].tolist()
+    names = " and ".join(map(str, channels))
     return FaultRow(
-        part=part, kind=kind, modules=modules, chains=[], channels=channels,
-        words=f"{head} of {part}: {text}", confidence=sure, since=since,
-        place_mm=(1e3 * table.positions[rows].mean(axis=0)).tolist(), alternatives=[],
-    )  # fmt: skip
+        part=boards.part,
+        kind=kind,
+        modules=sorted(set(table.modules[rows].tolist())),
+        chains=[],
+        channels=channels,
+        words=f"{'channels' if len(rows) > 1 else 'taxel'} {names} of {boards.part}: {text}",
+        confidence=sure,
+        since=since,
+        place_mm=(1e3 * table.positions[rows].mean(axis=0)).tolist(),
+        alternatives=[],
+    )
 
 
 def _part_row(case: Case, faults: Sequence[FaultRow]) -> PartRow:

@@ -1,9 +1,7 @@
 """Check-ups that were kept: each taxel's baseline, noise and gain over months, and their changes.
 
-A touch is of unknown place and force, so its answers are compared with each other: a smooth surface
-is laid through their logarithms, and the distance of a taxel from it is its gain beside its
-neighbours. All touches of all check-ups are laid together, so that the gains of the neighbours are
-known when a taxel's is judged.
+What touches tell of gains (`gains`) adds up over the check-ups before and after a moment. The gain
+of a taxel has changed where its difference is not what those of the others beside it let expect.
 """
 
 from __future__ import annotations
@@ -17,8 +15,8 @@ from typing import TYPE_CHECKING
 import msgspec
 import numpy as np
 
-from calibration.wiring.answer_model import THRESHOLD, tangents
-from skinmap.arrays import FloatArray, IntArray
+from calibration.wiring.gains import SPREAD, gains_told
+from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, OutputError
 from skinmap.io.output import staged_file
 from skinmap.report.page import plain_figure, save_figure
@@ -28,25 +26,20 @@ if TYPE_CHECKING:
     from calibration.wiring.examination import Case, Examination
     from calibration.wiring.findings import CheckupResult
 
-FULL = 250.0  # counts above which an answer is cut off
-BESIDE, NEAR = 9e-3, 7e-3  # from a stroke, and from the middle of a poke [m]
-FEWEST = {"stroke": 9, "poke": 7}  # answers that a surface is laid through
-EXPECTED = 35.0  # counts below which an answer is too small to compare [counts]
-ROUNDS, PRIOR = 12, 0.3  # of the joint fit; spread of gains before anything is known [log]
-LEAST = 1.2  # touches on each side of a change
-SURE, MODEL = 3.6, 0.65  # deviations that a change needs; error that all touches share
-WEAKER = 0.15  # least change of a gain [log]
+SURE, WEAKER = 3.6, 0.15  # deviations that a change needs, and its least size [log]
+WANDER = 0.03  # of gains between check-ups [log]
+ROUNDS, DOUBT = 3, 2.5  # of judging: taxels so many deviations off are no measure for others
+UNMET = 10.0  # precision below which nothing measured a gain
 MOVED, NOISIER = 12.0, 3.0  # least change of a baseline [counts], and of a noise (times)
 MOST_DRAWN = 400  # taxels of which each has a line of its own
 
 
 class KeptTouch(msgspec.Struct, frozen=True):
-    """A touch of known place: rows that answered, and their answers [counts]."""
+    """What a touch tells of gains: rows (k), pull (k), precision (upper triangle row by row)."""
 
-    how: str
-    path: list[list[float]]
     rows: list[int]
-    answers: list[float]
+    pull: list[float]
+    precision: list[float]
 
 
 class KeptPart(msgspec.Struct, frozen=True):
@@ -55,7 +48,7 @@ class KeptPart(msgspec.Struct, frozen=True):
     channels: list[int]
     baseline: list[float]
     noise: list[float]
-    touches: list[KeptTouch]
+    gains: list[KeptTouch] = []
 
 
 class KeptCheckup(msgspec.Struct, frozen=True):
@@ -101,8 +94,9 @@ def earlier_checkups(folder: Path) -> list[KeptCheckup]:
             raise DataFormatError(f"not a kept check-up: {error}", path) from None
         if one.format != FORMAT or any(
             len({len(part.channels), len(part.baseline), len(part.noise)}) != 1
-            or any(len(t.rows) != len(t.answers) or not t.path or any(len(p) != 3 for p in t.path)
-                   or not all(0 <= r < len(part.channels) for r in t.rows) for t in part.touches)
+            or any(len(t.rows) != len(t.pull)
+                   or len(t.precision) != len(t.rows) * (len(t.rows) + 1) // 2
+                   or not all(0 <= r < len(part.channels) for r in t.rows) for t in part.gains)
             for part in one.parts.values()
         ):  # fmt: skip
             raise DataFormatError(f"not a kept check-up of format {FORMAT!r}", path)
@@ -158,148 +152,85 @@ def changes_of(
     boards: Boards, times: Sequence[str], kept: Sequence[KeptPart]
 ) -> tuple[list[Change], FloatArray]:
     """What changed over check-ups of a part, and the gains (e, n), logarithms."""
-    gain, weight, noise = gains_over(boards, [one.touches for one in kept])
-    return list(_changes(boards.part, times, kept, gain, weight, noise)), gain
+    told = [_told(one.gains, len(boards.table)) for one in kept]
+    gain = np.array([np.where(precision.diagonal() > UNMET, _gains(precision, pull)[0], np.nan)
+                     for precision, pull in told])  # fmt: skip
+    return [
+        *_gain_changes(boards.part, times, told),
+        *_rest_changes(boards.part, times, kept),
+    ], gain
 
 
 def kept_part(case: Case) -> KeptPart:
     """What is kept of a part: touches where its wiring is as mapped."""
     assert case.rest is not None
-    wrong = {c for found in case.doctor.found for c in found.fault.channels(case.boards)}
-    channels = case.boards.table.channels.tolist()
+    wrong = [c for found in case.doctor.found for c in found.fault.channels(case.boards)]
+    channels = case.boards.table.channels
+    trusted = ~np.isin(channels, wrong)
+    sound = case.doctor.status != "inconsistent"
     touches = []
-    for one in case.doctor.touches if case.doctor.status != "inconsistent" else ():
-        if one.path is None:
-            continue
-        rows = [r for r in np.flatnonzero(one.response > 0.5 * THRESHOLD).tolist()
-                if channels[r] not in wrong]  # fmt: skip
-        touches.append(KeptTouch(one.how, np.round(one.path, 4).tolist(), rows,
-                                 np.round(one.response[rows], 1).tolist()))  # fmt: skip
-    return KeptPart(channels, np.round(case.rest.level, 2).tolist(),
+    for touch in case.doctor.touches if sound else ():
+        if (told := gains_told(case.boards, touch, trusted)) is not None:
+            triangle = told.precision[np.triu_indices(len(told.rows))]
+            touches.append(KeptTouch(told.rows.tolist(), np.round(told.pull, 1).tolist(),
+                                     np.round(triangle, 1).tolist()))  # fmt: skip
+    return KeptPart(channels.tolist(), np.round(case.rest.level, 2).tolist(),
                     np.round(case.rest.noise, 3).tolist(), touches)  # fmt: skip
 
 
-@dataclass(eq=False, slots=True)
-class _Laid:
-    """A touch laid on the skin: rows, logarithms of their answers, and the terms of a surface."""
-
-    epoch: int
-    rows: IntArray
-    log: FloatArray
-    terms: FloatArray
-
-
-def _laid(boards: Boards, touch: KeptTouch, epoch: int) -> _Laid | None:
-    rows, answers = np.array(touch.rows, np.int64), np.array(touch.answers)
-    good = (answers < FULL) & (answers > 0)
-    rows, answers, path = rows[good], answers[good], np.array(touch.path)
-    places = boards.table.positions[rows]
-    if touch.how == "stroke" and len(path) > 1:
-        away = np.linalg.norm(places[:, None] - path[None], axis=2)
-        nearest = away.argmin(axis=1)
-        along = np.gradient(path, axis=0)[nearest]
-        along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-9)
-        off = places - path[nearest]
-        s = nearest / (len(path) - 1) * 2.0 - 1.0
-        y = np.einsum("ij,ij->i", np.cross(boards.normals[rows], along), off) / BESIDE
-        s = s + np.einsum("ij,ij->i", along, off) / (0.5 * STROKE)
-        keep = (np.abs(y) < 1.0) & (np.abs(s) < 1.05) & (away.min(axis=1) < 2 * BESIDE)
-        terms = np.column_stack([*(s**k for k in range(6)), y, y**2, s * y, s * y**2])
-    else:
-        u, v = (tangents(boards, path[0]) @ (places - path[0]).T) / NEAR
-        keep = np.hypot(u, v) < 2.0
-        terms = np.column_stack([np.ones(len(u)), u, v, u**2 + v**2])
-    keep &= answers > THRESHOLD
-    if keep.sum() < FEWEST[touch.how]:
-        return None
-    return _Laid(epoch, rows[keep], np.log(answers[keep]), terms[keep])
+def _told(touches: Sequence[KeptTouch], count: int) -> tuple[FloatArray, FloatArray]:
+    """Precision (n, n) and pull (n,) that touches give together."""
+    precision, pull = np.zeros((count, count)), np.zeros(count)
+    for one in touches:
+        own = np.zeros((len(one.rows), len(one.rows)))
+        own[np.triu_indices(len(own))] = one.precision
+        precision[np.ix_(one.rows, one.rows)] += own + np.triu(own, 1).T
+        pull[one.rows] += one.pull
+    return precision, pull
 
 
-STROKE = 0.09  # length of a stroke [m]
+def _gains(precision: FloatArray, pull: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Logarithms of gains (n,) and their covariance (n, n)."""
+    covariance = np.linalg.inv(precision + np.eye(len(pull)) / SPREAD**2)
+    return covariance @ pull, np.asarray(covariance)
 
 
-def gains_over(
-    boards: Boards, epochs: Sequence[Sequence[KeptTouch]]
-) -> tuple[FloatArray, FloatArray, float]:
-    """Gains of each taxel in each check-up.
-
-    Parameters
-    ----------
-    boards : Boards
-        Of a part with n taxels.
-    epochs : sequence of sequences of KeptTouch
-        Touches of e check-ups.
-
-    Returns
-    -------
-    gain : (e, n) float
-        Logarithm of the gain beside that of the neighbours; NaN where nothing measured it.
-    weight : (e, n) float
-        Touches behind it.
-    noise : float
-        Standard deviation of the gain of one touch.
-    """
-    found = (_laid(boards, one, k) for k, several in enumerate(epochs) for one in several)
-    laid = [one for one in found if one is not None]
-    n = len(boards.table)
-    own = np.zeros((len(epochs), n))
-    total, weight = np.zeros_like(own), np.zeros_like(own)
-    residuals: list[FloatArray] = []
+def _unlike_others(gap: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """How far each of (n,) differences lies from what the others let expect, and its deviations."""
+    doubted = np.zeros(len(gap))
     for _ in range(ROUNDS):
-        total[:], weight[:], residuals = 0.0, 0.0, []
-        for one in laid:
-            gap, trust = _beside(one, own[one.epoch, one.rows])
-            np.add.at(total[one.epoch], one.rows, trust * (gap + own[one.epoch, one.rows]))
-            np.add.at(weight[one.epoch], one.rows, trust)
-            residuals.append((gap * np.sqrt(trust))[trust > 0])
-        # A taxel is mostly what it was: the mean of all check-ups, and its own where they differ.
-        mean = total.sum(axis=0) / (weight.sum(axis=0) + 0.3)
-        alone = (total + mean) / (weight + 1.0)
-        own[:] = np.where(np.abs(alone - mean) > 0.2, alone, mean)
-    noise = 1.4826 * float(np.median(np.abs(np.concatenate(residuals)))) if residuals else np.inf
-    gain = np.where(weight > 0.2, total / np.maximum(weight, 1e-9), np.nan)
-    return gain, weight, noise
+        inverse = np.linalg.inv(covariance + np.diag(doubted))
+        spread = 1.0 / inverse.diagonal()
+        size = np.asarray(spread * (inverse @ gap))
+        score = size / np.sqrt(np.maximum(spread - doubted, WANDER**2))
+        score /= max(1.0, 1.4826 * float(np.median(np.abs(score))))
+        doubted = np.where(np.abs(score) > DOUBT, 1.0, 0.0)
+    return size, score
 
 
-def _beside(one: _Laid, gains: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """How far each answer lies from a surface through the others, and the trust in that."""
-    wanted = one.log - gains
-    weight = np.ones(len(wanted))
-    for _ in range(4):
-        scaled = one.terms * weight[:, None]
-        square = scaled.T @ one.terms + 1e-3 * np.eye(one.terms.shape[1])
-        inverse = np.linalg.inv(square)
-        gap = wanted - one.terms @ (inverse @ (scaled.T @ wanted))
-        size = 1.4826 * float(np.median(np.abs(gap))) + 0.02
-        weight = 1.0 / np.maximum(1.0, np.abs(gap) / (1.5 * size)) ** 2
-    lever = np.clip(weight * np.einsum("ij,jk,ik->i", one.terms, inverse, one.terms), 0.0, 0.95)
-    strong = one.log - gap - gains > np.log(EXPECTED) - 0.5
-    return gap / (1.0 - lever), np.where(strong & (lever < 0.5), 1.0 - lever, 0.0)
-
-
-def _changes(
-    part: str, times: Sequence[str], kept: Sequence[KeptPart],
-    gain: FloatArray, weight: FloatArray, noise: float,
-) -> Iterator[Change]:  # fmt: skip
-    """Taxels whose gain, baseline or noise is another one from a check-up on."""
-    best = np.full(gain.shape[1], 0.0)
-    size, first = np.zeros_like(best), np.zeros(len(best), np.int64)
-    value = np.nan_to_num(gain)
-    there = np.where(np.isnan(gain), 0.0, weight)
-    for split in range(1, len(times) - 1):  # two check-ups must show it
-        old, new = there[:split].sum(axis=0), there[split:].sum(axis=0)
-        both = (old > LEAST) & (new > LEAST)
-        before = (there[:split] * value[:split]).sum(axis=0) / np.maximum(old, 1e-9)
-        after = (there[split:] * value[split:]).sum(axis=0) / np.maximum(new, 1e-9)
-        step = np.where(both, after - before, 0.0)
-        spread = noise * np.sqrt(1 / np.maximum(old, LEAST) + 1 / np.maximum(new, LEAST))
-        score = np.abs(step) / np.hypot(spread, MODEL * noise)
-        better = both & (score > best)
-        best[better], size[better], first[better] = score[better], step[better], split
-    for row in np.flatnonzero((best > SURE) & (np.abs(size) > WEAKER)).tolist():
-        share = abs(np.expm1(size[row]))
+def _gain_changes(
+    part: str, times: Sequence[str], told: Sequence[tuple[FloatArray, FloatArray]]
+) -> Iterator[Change]:
+    """Taxels whose gain is another one from a check-up on; two check-ups must show it."""
+    size, best = np.zeros(len(told[0][1])), np.zeros(len(told[0][1]))
+    first = np.zeros(len(best), np.int64)
+    for split in range(1, len(times) - 1):
+        old, new = ([sum(both) for both in zip(*some, strict=True)]
+                    for some in (told[:split], told[split:]))  # fmt: skip
+        before, unsure = _gains(*old)
+        after, doubt = _gains(*new)
+        met = (old[0].diagonal() > UNMET) & (new[0].diagonal() > UNMET)
+        own, score = _unlike_others(after - before, unsure + doubt + WANDER**2 * np.eye(len(met)))
+        better = met & (np.abs(score) > np.abs(best))
+        best[better], size[better], first[better] = score[better], own[better], split
+    for row in np.flatnonzero((np.abs(best) > SURE) & (np.abs(size) > WEAKER)).tolist():
         kind = "weaker" if size[row] < 0 else "stronger"
-        yield _change(part, row, kind, f"{kind} by {share:.0%}", times[first[row]], 0.99)
+        words = f"{kind} by {abs(np.expm1(size[row])):.0%}"
+        yield _change(part, row, kind, words, times[first[row]], 0.99)
+
+
+def _rest_changes(part: str, times: Sequence[str], kept: Sequence[KeptPart]) -> Iterator[Change]:
+    """Taxels whose baseline or noise is another one in the last check-up."""
     level = np.array([one.baseline for one in kept])
     rough = np.array([one.noise for one in kept])
     moved = level[-1] - np.median(level[:-1], axis=0)

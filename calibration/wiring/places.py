@@ -25,7 +25,8 @@ from calibration.wiring.answer_model import (
     TABLE,
     TIMING,
     offsets,
-    step_of,
+    sideways,
+    steps_at,
     tangents,
 )
 from calibration.wiring.boards import Boards, Wiring, conjugate
@@ -33,7 +34,7 @@ from calibration.wiring.faults import Fault, Hypotheses
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.log_map import log_map
 from skinmap.geometry.proximity import bridged_graph, nearest_first
-from skinmap.geometry.triangles import pair_lengths, unit
+from skinmap.geometry.triangles import pair_lengths
 
 ACROSS = 14e-3  # taxels of two modules so near have a place between them [m]
 APART = 3.5e-3  # candidates for pokes lie so far apart [m]
@@ -149,7 +150,6 @@ def _answers(boards: Boards, paths: list[FloatArray]) -> tuple[FloatArray, Float
     silent = np.ones((len(paths), m))
     arrivals = np.zeros((len(paths), m, k))
     answer = 1.0 - np.exp(TABLE[0])
-    shapes = np.array(SHAPES)
     spread = np.linspace(-2.0, 2.0, 5)
     weight = np.exp(-0.5 * spread**2)
     weight /= weight.sum()
@@ -164,23 +164,16 @@ def _answers(boards: Boards, paths: list[FloatArray]) -> tuple[FloatArray, Float
             square = ((slots[None] - points[:, None, None]) ** 2).sum(axis=-1)
             chance = np.exp(log_weight)
         else:
-            along = unit((path[-1] - path[0])[None])[0]
-            normal = np.cross(*tangents(boards, path[len(path) // 2]))
-            side = unit(np.cross(normal, along)[None])[0]
-            shifted = path[None] + (4e-3 * spread)[:, None, None] * side
+            shifted = path[None] + (4e-3 * spread)[:, None, None] * sideways(boards, path)
             gap = ((slots[None, :, :, None] - shifted[:, None, None]) ** 2).sum(axis=-1)
             gap = np.where(np.isnan(gap), np.inf, gap)
             square = gap.min(axis=-1)
             arrivals[row, near] = gap[2].argmin(axis=-1) / (len(path) - 1)
             chance = weight
-        size = (
-            np.log(shapes[:, 1])[:, None, None, None]
-            - 0.5 * square[None] / (shapes[:, 0] ** 2)[:, None, None, None]
-        )
-        felt = np.where(boards.columns[near] >= 0, answer[step_of(size)], 0.0)
-        answers[row, near] = np.einsum("o,sobk->bk", chance, felt) / len(shapes)
+        felt = np.where(boards.columns[near] >= 0, answer[steps_at(square, SHAPES)], 0.0)
+        answers[row, near] = np.einsum("o,sobk->bk", chance, felt) / len(SHAPES)
         none = (1.0 - felt).prod(axis=-1)  # errors of the place are shared by a module's slots
-        silent[row, near] = np.einsum("o,sob->b", chance, none) / len(shapes)
+        silent[row, near] = np.einsum("o,sob->b", chance, none) / len(SHAPES)
     return np.where(boards.columns >= 0, answers, 0.0), MISSED + (1 - MISSED) * silent, arrivals
 
 
@@ -208,8 +201,7 @@ def _telling(boards: Boards, places: FloatArray) -> FloatArray:
     """
     found = np.zeros((len(places), 5, len(boards)))
     grid, log_weight = offsets()
-    shapes = np.array(POKES)
-    weight = np.tile(np.exp(log_weight), len(shapes)) / len(shapes)
+    weight = np.tile(np.exp(log_weight), len(POKES)) / len(POKES)
     for row, place in enumerate(places):
         near = np.flatnonzero(np.linalg.norm(boards.centres - place, axis=1) < NEAR)
         if len(near) == 0:
@@ -217,10 +209,7 @@ def _telling(boards: Boards, places: FloatArray) -> FloatArray:
         points = place + grid @ tangents(boards, place)
         gap = boards.places[near][None] - points[:, None, None, None]  # (o, b, 6, k, 3)
         square = (gap**2).sum(axis=-1)
-        size = np.log(shapes[:, 1])[:, None, None, None, None] - 0.5 * (
-            square[None] / (shapes[:, 0] ** 2)[:, None, None, None, None]
-        )
-        laid = POINTS[step_of(size)]  # (s, o, b, 6, k, d)
+        laid = POINTS[steps_at(square, POKES)]  # (s, o, b, 6, k, d)
         laid = laid * (boards.columns[near] >= 0)[:, None, :, None]
         q = len(weight)
         laid = laid.reshape(q, len(near), 6, -1).transpose(1, 2, 0, 3)  # (b, 6, q, k d)
@@ -309,7 +298,6 @@ class Chooser:
         Of those in `_powered`: swaps have a shorter way, and two channels of a module are not
         looked for on purpose.
         """
-        p = np.clip(self.answers, 0.0, 1.0 - 1e-6)
         silent = self.silent
         blocks = [-np.log(silent) / WORTH]
         turns = self.boards.turns
@@ -320,8 +308,7 @@ class Chooser:
             if turns is None:
                 blocks.append((1.0 - silent) * self.boards.turnable)
                 continue
-            slots = np.broadcast_to(turns[element], p.shape[1:])
-            blocks.append((1.0 - silent) * (1.0 - self._overlap(slots)))
+            blocks.append((1.0 - silent) * (1.0 - self._overlap(turns[element])))
         log_silent = np.log(silent)
         for fault in self.hypotheses.faults[self.hypotheses.chain_first :]:
             moves = fault.moves(self.boards)
@@ -342,13 +329,10 @@ class Chooser:
 
     def _overlap(self, slots: IntArray) -> FloatArray:
         """(c, m) overlap of each module's answers with those of a board laid otherwise."""
-        p = self.answers
-        q = np.take_along_axis(p, np.broadcast_to(slots, p.shape), axis=2)
-        both = np.sqrt(p * q)
-        if len(self.arrivals):
-            late = np.take_along_axis(self.arrivals, np.broadcast_to(slots, p.shape), axis=2)
-            both = both * np.exp(-((self.arrivals - late) ** 2) / (8.0 * TIMING**2))
-        return np.asarray((both + np.sqrt((1.0 - p) * (1.0 - q))).prod(axis=2))
+        slots = np.broadcast_to(slots, self.answers.shape)
+        here = self.answers, self.arrivals
+        there = [np.take_along_axis(own, slots, axis=2) for own in here]
+        return _overlap_of(*here, *there).prod(axis=2)
 
     def _between_probable(self, top: IntArray, chance: FloatArray) -> FloatArray:
         """(c,) bound on what an answer tells about the probable faults and a healthy skin."""
@@ -365,12 +349,8 @@ class Chooser:
         overlap = np.ones((h, h, len(near)))
         for i in range(h):
             for j in range(i):
-                (p, s), (q, t) = under[i], under[j]
-                both = np.sqrt(p * q)
-                if s is not None and t is not None:
-                    both = both * np.exp(-((s - t) ** 2) / (8.0 * TIMING**2))
-                part = (both + np.sqrt((1.0 - p) * (1.0 - q))).reshape(len(p), -1).prod(axis=1)
-                overlap[i, j] = overlap[j, i] = part
+                part = _overlap_of(*under[i], *under[j])
+                overlap[i, j] = overlap[j, i] = part.reshape(len(near), -1).prod(axis=1)
         total = weight.sum()
         share = weight / total
         mixed = np.einsum("j,ijc->ic", share, overlap)
@@ -380,13 +360,11 @@ class Chooser:
 
     def _under(
         self, fault: Fault, involved: list[int], near: IntArray
-    ) -> tuple[FloatArray, FloatArray | None]:
+    ) -> tuple[FloatArray, FloatArray]:
         """Answers (c, i, k) of the involved modules' channels under a fault, and when."""
         moves = fault.moves(self.boards)
-        whole = self.answers[near]
-        times = self.arrivals[near] if len(self.arrivals) else None
-        answers = whole[:, involved]
-        late = None if times is None else times[:, involved]
+        whole, times = self.answers[near], self.arrivals[near]
+        answers, late = whole[:, involved], times[:, involved]
         for place, module in enumerate(involved):
             to = moves.get(module, module)
             slots = np.arange(answers.shape[2])
@@ -394,7 +372,15 @@ class Chooser:
                 slots = self.boards.turns[fault.element]
             elif module in fault.modules and fault.slots:
                 slots[list(fault.slots)] = slots[list(fault.slots)[::-1]]
-            answers[:, place] = 0.0 if to < 0 else whole[:, to][:, slots]
-            if late is not None and times is not None and to >= 0:
+            if to < 0:
+                answers[:, place] = 0.0
+            else:
+                answers[:, place] = whole[:, to][:, slots]
                 late[:, place] = times[:, to][:, slots]
         return np.clip(answers, 0.0, 1.0), late
+
+
+def _overlap_of(p: FloatArray, when: FloatArray, q: FloatArray, then: FloatArray) -> FloatArray:
+    """Bhattacharyya's overlap of answers of chances p and q that come at two times."""
+    both = np.sqrt(p * q) * np.exp(-((when - then) ** 2) / (8.0 * TIMING**2))
+    return np.asarray(both + np.sqrt((1.0 - p) * (1.0 - q)))

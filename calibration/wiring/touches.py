@@ -35,12 +35,15 @@ class Touch:
         Largest answer of each row of the table above its rest [counts].
     arrival : (n,) float
         When it came, 0 at the touch's beginning to 1 at its end; used for strokes.
+    samples : (t, n) float or None
+        All that was read above rest while it lasted, spikes too [counts].
     """
 
     how: str
     path: FloatArray | None
     response: FloatArray
     arrival: FloatArray
+    samples: FloatArray | None = None
 
     def __post_init__(self) -> None:
         if self.how not in HOWS:
@@ -116,16 +119,20 @@ class Baseline:
 
     def answers(self, samples: ArrayLike) -> FloatArray:
         """(t, n) answers above rest [counts]; a spike of one sample is none."""
-        values = self.above(_of_channels(samples, self.level.shape[-1]))
-        if len(values) < 3:
-            return values
-        before, after = values[:-2], values[2:]
-        middle = np.maximum(
-            np.minimum(before, after),
-            np.minimum(values[1:-1], np.maximum(before, after)),
-        )  # the median of three
-        return np.concatenate([np.minimum(values[:1], values[1:2]), middle,
-                               np.minimum(values[-1:], values[-2:-1])])  # fmt: skip
+        return without_spikes(self.above(_of_channels(samples, self.level.shape[-1])))
+
+
+def without_spikes(values: FloatArray) -> FloatArray:
+    """Samples (t, n) in which a spike of one sample is cut off: the median of three."""
+    if len(values) < 3:
+        return values
+    before, after = values[:-2], values[2:]
+    middle = np.maximum(
+        np.minimum(before, after),
+        np.minimum(values[1:-1], np.maximum(before, after)),
+    )
+    return np.concatenate([np.minimum(values[:1], values[1:2]), middle,
+                           np.minimum(values[-1:], values[-2:-1])])  # fmt: skip
 
 
 def _of_channels(samples: ArrayLike, count: int | None = None) -> FloatArray:
@@ -146,7 +153,9 @@ def without_holes(samples: ArrayLike) -> FloatArray:
     return np.where(there, values, level)
 
 
-def make_touch(answers: FloatArray, how: str, path: FloatArray | None) -> Touch:
+def make_touch(
+    answers: FloatArray, how: str, path: FloatArray | None, samples: FloatArray | None = None
+) -> Touch:
     """A touch from what channels answered while it lasted.
 
     Parameters
@@ -156,6 +165,8 @@ def make_touch(answers: FloatArray, how: str, path: FloatArray | None) -> Touch:
     how : {"poke", "stroke"}
     path : (p, 3) float or None
         Where it was asked for [m]; None where nobody knows.
+    samples : (t, n) float, optional
+        The same above rest with their spikes, as `Baseline.above` gives them [counts].
 
     Returns
     -------
@@ -182,7 +193,7 @@ def make_touch(answers: FloatArray, how: str, path: FloatArray | None) -> Touch:
     load = felt.sum(axis=0)
     when = np.linspace(0.0, 1.0, len(answers))
     arrival = (felt * when[:, None]).sum(axis=0) / np.where(load > 0, load, 1.0)
-    return Touch(how, path, answers.max(axis=0), arrival)
+    return Touch(how, path, answers.max(axis=0), arrival, samples)
 
 
 def find_touches(answers: FloatArray) -> IntArray:

@@ -8,15 +8,17 @@ import numpy as np
 import pytest
 
 from benchmarks.calibration.person import SimulatedSkin
-from calibration.wiring import Doctor, boards_of
+from calibration.wiring import Doctor, boards_of, make_touch
 from calibration.wiring.examination import Plan, examine_live
 from calibration.wiring.findings import findings, with_changes
+from calibration.wiring.gains import gains_told
 from calibration.wiring.history import (
     KeptPart,
     KeptTouch,
     changes_of,
     earlier_checkups,
     keep_checkup,
+    kept_part,
 )
 from skinmap.errors import DataFormatError, OutputError
 
@@ -25,34 +27,53 @@ TIMES = [f"2026-{month:02}-03T10:00:00+00:00" for month in (9, 10, 11)]
 
 
 def kept(boards, rng, weak=(), baseline=0.0):
-    """A check-up with strokes all over, of answers that are smooth but for gains."""
+    """A check-up with strokes all over, of a finger that wanders beside where it was asked for."""
     doctor = Doctor.of(boards)
     doctor.next_place("stroke")
-    gains = np.ones(len(boards.table))
+    gains = np.exp(np.random.default_rng(1).normal(0.0, 0.25, len(boards.table)))
     gains[list(weak)] *= 0.7
-    touches = []
+    told = []
     for path in doctor.places["stroke"].paths[::3]:
-        middle = path + rng.normal(0, 2e-3, 3)
-        away = np.linalg.norm(boards.table.positions[:, None] - middle[None], axis=2).min(axis=1)
-        answers = 150 * np.exp(-(away**2) / 2 / 8e-3**2) * gains * rng.normal(1, 0.02, len(gains))
-        rows = np.flatnonzero(answers > 6)
-        touches.append(KeptTouch("stroke", path.tolist(), rows.tolist(), answers[rows].tolist()))
+        track = np.array([np.interp(np.linspace(0, len(path) - 1, 30), np.arange(len(path)), own)
+                          for own in path.T]).T + rng.normal(0, 2e-3, 3)  # fmt: skip
+        away = np.linalg.norm(boards.table.positions - track[:, None], axis=2)
+        force = 150 * np.exp(np.cumsum(rng.normal(0, 0.05, (30, 1)), axis=0))
+        samples = force * np.exp(-(away**2) / 2 / 6e-3**2) * gains
+        samples = np.minimum(np.rint(samples + rng.normal(0, 1.2, samples.shape)), 255.0)
+        one = gains_told(boards, make_touch(samples, "stroke", path, samples), gains > 0)
+        triangle = one.precision[np.triu_indices(len(one.rows))]
+        told.append(KeptTouch(one.rows.tolist(), one.pull.tolist(), triangle.tolist()))
     level = np.zeros(len(gains))
     level[7] = baseline
-    return KeptPart(boards.table.channels.tolist(), level.tolist(), [0.5] * len(level), touches)
+    return KeptPart(boards.table.channels.tolist(), level.tolist(), [0.5] * len(level), told)
 
 
 def test_a_taxel_that_loses_gain_is_named_after_two_checkups(icub):
     boards = boards_of(icub, PART)
     rng = np.random.default_rng(0)
-    several = [kept(boards, rng), kept(boards, rng, (100,)), kept(boards, rng, (100,), 20.0)]
+    weak = (100, 150, 33)
+    several = [kept(boards, rng), kept(boards, rng, weak), kept(boards, rng, weak, 20.0)]
     found = {one.row: one for one in changes_of(boards, TIMES, several)[0]}
-    assert {100, 7} <= set(found)
-    assert len(found) <= 2 + 0.01 * len(boards.table)  # false ones: 1 % at most is asked for
+    assert {*weak, 7} <= set(found)
+    assert len(found) <= 4 + 0.01 * len(boards.table)  # false ones: 1 % at most is asked for
     assert found[100].kind == "weaker"
     assert found[100].words.endswith("since 3 October 2026")
+    assert all(22 <= int(found[row].words[10:12]) <= 38 for row in weak)
     assert found[7].words == "its rest lies 20 counts higher since 3 November 2026"
     assert changes_of(boards, TIMES[:2], several[:2])[0] == []  # one check-up may err
+
+
+def test_checkups_of_a_person_find_what_became_weaker(icub):
+    boards = boards_of(icub, PART)
+    rows = [12, 60, 111, 170, 222]
+    weak = [f"weak:{channel},30" for channel in boards.table.channels[rows]]
+    several = []
+    for seed, plant in enumerate(([], weak, weak)):
+        skin = SimulatedSkin(icub, PART, plant, seed)
+        case = examine_live(skin, icub, (PART,), Plan(markers=[skin], covers=True)).cases[0]
+        several.append(kept_part(case))
+    found = [one.row for one in changes_of(boards, TIMES, several)[0] if one.kind == "weaker"]
+    assert sorted(found) == rows
 
 
 def test_each_checkup_is_kept_beside_those_before(icub, tmp_path):
