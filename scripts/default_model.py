@@ -22,7 +22,6 @@ import numpy as np
 from sklearn.exceptions import ConvergenceWarning
 from sklearn.neural_network import MLPClassifier
 
-from skinmap.io.robots.manifest import load_robot
 from skinmap.physics.simulation import simulate as press
 from skinmap.physics.variants import TUNING
 from skinmap.recognition.answering import (
@@ -36,7 +35,7 @@ from skinmap.recognition.answering import (
     train_machine,
 )
 from skinmap.recognition.classifier import TouchClassifier
-from skinmap.recognition.descriptors import ContactGeometry, Touch, recorded_touches
+from skinmap.recognition.descriptors import ContactGeometry, Touch
 from skinmap.recognition.model_file import load_classifier, save_classifier
 from skinmap.recognition.named_classifiers import DEFAULT_FILE
 from skinmap.recognition.protocols.physics import mirror_pairs
@@ -46,6 +45,12 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import FOUR, TIME
 from skinmap.touch.simulation.simulator import simulate
 from skinmap.touch.simulation.things import HAND, OTHER, STILL
+
+ROOT = Path(__file__).resolve().parents[1]
+if str(ROOT) not in sys.path:  # run as a script
+    sys.path.insert(0, str(ROOT))
+
+from benchmarks.classify.touches import Wanted, skins_of, touches_of  # noqa: E402
 
 ROBOT = "icub"
 KIND_ROWS, THING_ROWS, MOTION_ROWS = 2400, 500, 4800  # that the machines for answers learn at most
@@ -58,32 +63,21 @@ PRESSED = ((FOUR, 7, TUNING, 100), (TIME, 3, ("foam", "force"), 400))
 def our_touches(skin: PreparedSkin, number: int, state: int) -> list[Touch]:
     """Ours on one part, the `number`th of the robot, in one state of its sensors."""
     rng = np.random.default_rng([0, number, state])
-    recording = simulate(skin.skin, rng=rng, per_gesture=TOUCHES, gestures=(*FOUR, *TIME))
-    return recorded_touches(skin, recording)
-
-
-def pressed_touches(skin: PreparedSkin, number: int) -> list[Touch]:
-    """MuJoCo's on one part, in the variants that may be trained on."""
-    found = []
-    for gestures, count, variants, seed in PRESSED:
-        for variant in variants:
-            rng = np.random.default_rng([seed, number, 0])
-            made = press(skin.skin, rng=rng, variant=variant, per_gesture=count, gestures=gestures)
-            found += recorded_touches(skin, made)
-    return found
+    return touches_of(skin, simulate, [((*FOUR, *TIME), TOUCHES)], rng=rng)
 
 
 def all_touches() -> list[Touch]:
-    """All that the model learns from."""
-    robot = load_robot(ROBOT)
-    skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
+    """All that the model learns from: ours in some states of the sensors, and MuJoCo's."""
+    skins = skins_of(ROBOT)
     first = mirror_pairs(skins)
     found: list[Touch] = []
     for number, (part, skin) in enumerate(skins.items()):
         for state in range(STATES):
             found += our_touches(skin, number, state)
-        if first[part] == part:
-            found += pressed_touches(skin, number)
+        for gestures, count, variants, seed in PRESSED if first[part] == part else ():
+            for variant in variants:
+                rng = np.random.default_rng([seed, number, 0])
+                found += touches_of(skin, press, [(gestures, count)], rng=rng, variant=variant)
         print(f"{part}: {len(found)} touches so far", flush=True)
     return found
 
@@ -134,17 +128,13 @@ def seen(touches: Iterable[Touch], ours: bool) -> list[Seen]:
 
 
 def our_answers(
-    skins: Mapping[str, PreparedSkin], variety: float, states: Iterable[int], wanted: Any
+    skins: Mapping[str, PreparedSkin], variety: float, states: Iterable[int], wanted: Wanted
 ) -> Iterator[Touch]:
     """Ours on all parts, in some states of their sensors."""
     for number, skin in enumerate(skins.values()):
         for state in states:
             rng = np.random.default_rng([7, number, state, int(10 * variety)])
-            for names, count in wanted:
-                made = simulate(
-                    skin.skin, rng=rng, per_gesture=count, gestures=names, variety=variety
-                )
-                yield from recorded_touches(skin, made)
+            yield from touches_of(skin, simulate, wanted, rng=rng, variety=variety)
 
 
 def pressed_answers(skins: Mapping[str, PreparedSkin], variety: float) -> Iterator[Touch]:
@@ -153,18 +143,12 @@ def pressed_answers(skins: Mapping[str, PreparedSkin], variety: float) -> Iterat
     for number, (part, skin) in enumerate(skins.items()):
         for variant in TUNING if first[part] == part else ():
             rng = np.random.default_rng([700, number, *([20] if variety > 1.0 else [])])
-            for names, count in BOTH:
-                made = press(
-                    skin.skin, rng=rng, variant=variant, per_gesture=count, gestures=names,
-                    variety=variety,
-                )  # fmt: skip
-                yield from recorded_touches(skin, made)
+            yield from touches_of(skin, press, BOTH, rng=rng, variant=variant, variety=variety)
 
 
 def answer_touches() -> list[Seen]:
     """All that kind, motion and hand are learnt from."""
-    robot = load_robot(ROBOT)
-    skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
+    skins = skins_of(ROBOT)
     found: list[Seen] = []
     further = range(STATES, 2 * STATES)
     for variety in VARIETIES:
@@ -199,11 +183,7 @@ def answers(touches: Sequence[Seen]) -> ThreeAnswers:
             "kind": machine(np.isin(label, FOUR), label, most_rows=KIND_ROWS),
             "other": machine(np.isin(label, OTHER) & some, things, most_rows=THING_ROWS),
             "motion": machine(
-                np.isin(label, TIME) | some,
-                moves,
-                moving,
-                most_rows=MOTION_ROWS,
-                even=1.5,
+                np.isin(label, TIME) | some, moves, moving, most_rows=MOTION_ROWS, even=1.5
             ),
         },
         hand_networks(touches),

@@ -20,6 +20,7 @@ if str(ROOT) not in sys.path:  # run as a script
     sys.path.insert(0, str(ROOT))
 
 from benchmarks.harness.origin import changed, today  # noqa: E402
+from benchmarks.harness.record import table  # noqa: E402
 
 RESULTS = ROOT / "benchmarks" / "results"
 OLDER = 0.05  # of the code that ran for a result: what a page tells when it has changed
@@ -96,69 +97,46 @@ def decisive(results: Path) -> list[str]:
     """The figures that decide, each with its judge and the control that shows it can fail."""
     demo, pressed = _read(results, "demo"), _read(results, "evaluation_physics")
     varied = _read(results, "evaluation_cross_patch_varied")
-    patches = next(row for row in varied["rows"] if row["features"] == "contact-geometry")
+    patches = _row(varied["rows"], features="contact-geometry")
     trained = [row for row in pressed["rows"] if row["trained_on"] == "ours"]
-    frozen = next(row for row in trained if row["tested_on"] == pressed["frozen"])
-    fingers = next(row for row in _read(results, "real_fingers")["named"] if row["variety"] == 1.0)
+    frozen = _row(trained, tested_on=pressed["frozen"])
+    fingers = _row(_read(results, "real_fingers")["named"], variety=1.0)
     found, live = _area(results, "calibration"), _area(results, "live")
-    touches = [row for row in found["touch"] if not row.get("one_module")]
+    placed = _row([row for row in found["touch"] if not row.get("one_module")], touches=32)
     checked = [r for r in _read(results, "calibration")["wiring"] if r["touch"] == "checkup"]
-    healthy = next(row for row in checked if row["what"] == "healthy")
+    healthy = _row(checked, what="healthy")
     kills, calm = live["recordings"]["kills"], live["live_50_hz"]
     chance = f"chance: {100 / len(pressed['gestures']):.0f} %"
     rows = [
-        (
-            "taxels laid flat on the iCub; flipped triangles",
-            f"{demo['meshed_taxels']:,} of {demo['taxels']:,}; {demo['flips']}",
-            "signed area of every triangle",
-            "maps folded on purpose are counted (a test)",
-        ),
-        (
-            "four gestures named on a patch left out; on the worst patch (simulated)",
-            f"{_share(patches['mean'])}; {_share(patches['worst'])}",
-            "touches of our simulator that vary",
-            chance,
-        ),
-        (
-            "the same gestures pressed by MuJoCo (simulated)",
-            f"{_share(frozen['mean'])}, calibration error {frozen['ece']:.2f}",
-            "a frozen variant of another physics",
-            chance,
-        ),
-        (
-            "one real finger named as one finger",
-            f"{_share(fingers['one_contact_of_one_finger'])} of "
-            f"{fingers['recordings_of_one_finger']} recordings",
-            "CySkin recordings of others; its thresholds were chosen on them",
-            f"{_share(fingers['named_a_touch'])} of {fingers['recordings_without_a_touch']} "
-            "recordings without a touch are named",
-        ),
-        (
-            "taxels of a patch placed by 32 touches of 1 mm (simulated)",
-            _error(_row(touches, touches=32)),
-            "true positions",
-            "wrong boards are refused ([calibration](docs/calibration.md))",
-        ),
-        (
-            "swapped or mute modules found in a minute of touches (simulated)",
-            f"{min(r['found_percent'] for r in checked if r['what'] == 'all'):.0f} % or more",
-            "planted faults on three parts",
-            f"{healthy['false_alarms']} of {healthy['runs']} healthy skins reported",
-        ),
-        (
-            f"sample to label, {live['channels']:,} taxels at 50 Hz",
-            f"median {calm['latency_ms']['median']:.1f} ms, 99 % within "
-            f"{calm['latency_ms']['p99']:.1f} ms",
-            f"{calm['seconds'] / 60:.0f} min of a stream",
-            f"{calm['lost']} samples lost",
-        ),
-        (
-            f"{kills['count']} recorders killed at random moments",
-            f"{kills['opened']} files open",
-            "`kill -9`",
-            f"at most {kills['most_lost_s']:.1f} s lost",
-        ),
-    ]
+        ("taxels laid flat on the iCub; flipped triangles",
+         f"{demo['meshed_taxels']:,} of {demo['taxels']:,}; {demo['flips']}",
+         "signed area of every triangle", "maps folded on purpose are counted (a test)"),
+        ("four gestures named on a patch left out; on the worst patch (simulated)",
+         f"{_share(patches['mean'])}; {_share(patches['worst'])}",
+         "touches of our simulator that vary", chance),
+        ("the same gestures pressed by MuJoCo (simulated)",
+         f"{_share(frozen['mean'])}, calibration error {frozen['ece']:.2f}",
+         "a frozen variant of another physics", chance),
+        ("one real finger named as one finger",
+         f"{_share(fingers['one_contact_of_one_finger'])} of "
+         f"{fingers['recordings_of_one_finger']} recordings",
+         "CySkin recordings of others; its thresholds were chosen on them",
+         f"{_share(fingers['named_a_touch'])} of {fingers['recordings_without_a_touch']} "
+         "recordings without a touch are named"),
+        ("taxels of a patch placed by 32 touches of 1 mm (simulated)",
+         f"median {placed['median_mm']:.2f} mm, 95 % within {placed['p95_mm']:.1f} mm",
+         "true positions", "wrong boards are refused ([calibration](docs/calibration.md))"),
+        ("swapped or mute modules found in a minute of touches (simulated)",
+         f"{min(r['found_percent'] for r in checked if r['what'] == 'all'):.0f} % or more",
+         "planted faults on three parts",
+         f"{healthy['false_alarms']} of {healthy['runs']} healthy skins reported"),
+        (f"sample to label, {live['channels']:,} taxels at 50 Hz",
+         f"median {calm['latency_ms']['median']:.1f} ms, 99 % within "
+         f"{calm['latency_ms']['p99']:.1f} ms",
+         f"{calm['seconds'] / 60:.0f} min of a stream", f"{calm['lost']} samples lost"),
+        (f"{kills['count']} recorders killed at random moments", f"{kills['opened']} files open",
+         "`kill -9`", f"at most {kills['most_lost_s']:.1f} s lost"),
+    ]  # fmt: skip
     return _table(("", "figure", "judge", "control"), rows)
 
 
@@ -171,21 +149,15 @@ def skin(results: Path) -> list[str]:
     rows = [
         ("taxels in the surface mesh", f"{demo['meshed_taxels']:,} of {demo['taxels']:,}"),
         ("patches, flipped triangles in their maps", f"{demo['patches']}, {demo['flips']}"),
-        (
-            "edge error of the flat maps, rms",
-            f"{edges['median']:.2f} % in the median patch, {edges['max']:.2f} % in the worst",
-        ),
-        (
-            "estimated normals against the nearest face of the body",
-            f"median {normals['median_deg']:.1f}°, {100 * normals['share_within_15_deg']:.1f} % "
-            f"within 15°, {normals['inward']} point inward",
-        ),
-        (
-            "periodic structures",
-            f"{structures['plain']} plain, {structures['rotated']} with rotation by π/3",
-        ),
+        ("edge error of the flat maps, rms",
+         f"{edges['median']:.2f} % in the median patch, {edges['max']:.2f} % in the worst"),
+        ("estimated normals against the nearest face of the body",
+         f"median {normals['median_deg']:.1f}°, {100 * normals['share_within_15_deg']:.1f} % "
+         f"within 15°, {normals['inward']} point inward"),
+        ("periodic structures",
+         f"{structures['plain']} plain, {structures['rotated']} with rotation by π/3"),
         ("all parts meshed and flattened", f"{seconds:.1f} s CPU"),
-    ]
+    ]  # fmt: skip
     return _table(("`make demo`", ""), rows)
 
 
@@ -203,10 +175,13 @@ def names(results: Path) -> list[str]:
         ("histograms of structures, rest dropped, intersection SVM", "histogram"),
         ("the paper's literal histograms", "paper"),
     )
-    table = [
+    cells = [
         (
             title,
-            *(_share(_accuracy(demo, key, test)) for test in ("same_parts", "other_parts")),
+            *(
+                _share(_row(demo["table"], classifier=key, tested_on=test)["accuracy"])
+                for test in ("same_parts", "other_parts")
+            ),
             *(
                 _share(rows[key][which]) if key in rows else ""
                 for rows in (varied, clean)
@@ -221,7 +196,7 @@ def names(results: Path) -> list[str]:
         "Each patch is left out in turn; its mirror image on the other side of the body trains. "
         "Clean touches are pads of fixed sizes on clean sensors (`--variety none`)."
     )
-    return [*_table(heads, table), "", mirror]
+    return [*_table(heads, cells), "", mirror]
 
 
 def physics(results: Path) -> list[str]:
@@ -231,7 +206,7 @@ def physics(results: Path) -> list[str]:
     tested = list(dict.fromkeys(row["tested_on"] for row in rows))
     trained = ("ours", "foam", "ours and mujoco")
     cells = {(row["trained_on"], row["tested_on"]): row for row in rows}
-    table = [
+    table_rows = [
         (
             f"trained on {one}",
             *(f"{_share(cells[one, on]['mean'])} ({cells[one, on]['ece']:.2f})" for on in tested),
@@ -239,7 +214,7 @@ def physics(results: Path) -> list[str]:
         for one in trained
     ]
     heads = [f"{one}, frozen" if one == kept["frozen"] else one for one in tested]
-    return _table(("touches that vary, parts left out (calibration error)", *heads), table)
+    return _table(("touches that vary, parts left out (calibration error)", *heads), table_rows)
 
 
 def installed(results: Path) -> list[str]:
@@ -250,37 +225,21 @@ def installed(results: Path) -> list[str]:
     rows = [
         ("all packages", f"{told['total_mb'] / 1e3:.1f} GB", ""),
         ("VTK, for window and pictures", f"{size['vtk']:.0f} MB", "no"),
-        (
-            "pymeshlab (GPL-3)",
-            f"{size['pymeshlab']:.0f} MB",
-            "yes: wrapping and `--meshing accurate` then report the missing package",
-        ),
+        ("pymeshlab (GPL-3)", f"{size['pymeshlab']:.0f} MB",
+         "yes: wrapping and `--meshing accurate` then report the missing package"),
         ("SciPy, NumPy, scikit-learn, libigl, matplotlib", f"{numbers:.0f} MB", "no"),
         ("the iCub's meshes", f"{size['icub-models']:.0f} MB", "yes, with another robot"),
-    ]
+    ]  # fmt: skip
     return _table(("", "", "can be left out"), rows)
-
-
-def _accuracy(demo: dict[str, Any], classifier: str, test: str) -> float:
-    """Of the demo's table."""
-    return float(_row(demo["table"], classifier=classifier, tested_on=test)["accuracy"])
-
-
-def _error(row: dict[str, Any]) -> str:
-    return f"median {row['median_mm']:.2f} mm, 95 % within {row['p95_mm']:.1f} mm"
 
 
 def _share(value: float) -> str:
     return f"{100 * value:.1f} %"
 
 
-def _is(row: dict[str, Any], **wanted: object) -> bool:
-    return all(row.get(key) == value for key, value in wanted.items())
-
-
 def _row(rows: Sequence[dict[str, Any]], **wanted: object) -> dict[str, Any]:
     """The row that has these values."""
-    return next(row for row in rows if _is(row, **wanted))
+    return next(row for row in rows if all(row.get(k) == one for k, one in wanted.items()))
 
 
 def _read(results: Path, name: str) -> Any:
@@ -314,26 +273,13 @@ def _joined(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:
 
 
 def _table(heads: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    lines = [heads, ["---"] * len(heads), *rows]
-    return [
-        f"| {' | '.join(line)} |".replace("|  |", "| |")
-        .replace("| ---", "|---")
-        .replace("--- |", "---|")
-        for line in lines
-    ]
+    return [line.replace("|  |", "| |") for line in table(heads, rows)]
 
 
+PATCHES = "evaluation_cross_patch"
 SECTIONS: dict[str, Section] = {
     "The iCub, whole": (skin, ["demo", "geometry"]),
-    "Touches named right": (
-        names,
-        [
-            "demo",
-            "evaluation_cross_patch_varied",
-            "evaluation_cross_patch",
-            "evaluation_cross_patch_histograms",
-        ],
-    ),
+    "Touches named right": (names, ["demo", f"{PATCHES}_varied", PATCHES, f"{PATCHES}_histograms"]),
     "The same touches pressed by another physics": (physics, ["evaluation_physics"]),
     "Installed, without extras": (installed, ["installed"]),
 }

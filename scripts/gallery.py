@@ -2,7 +2,8 @@
 
     python scripts/gallery.py [NAME ...]
 
-Each is one command of ours, or the glossary's picture; written to docs/pictures.
+Each is one command of ours, but for the glossary's picture and that of contact images; written to
+docs/pictures.
 """
 
 from __future__ import annotations
@@ -18,29 +19,28 @@ OUT = ROOT / "docs" / "pictures"
 SKINMAP = Path(sys.executable).with_name("skinmap")
 WIDTH = 720  # of a picture in the pages [px]
 
-# What is drawn by which command; OUT is a fresh folder, and the picture is taken from it.
-COMMANDS = {
+# What `skinmap view` draws.
+VIEWS = {
     **{
-        f"viewer/{layer}": (
-            f"view icub --source sim --layer {layer} --screenshot OUT/a.png",
-            "a.png",
-        )
+        f"viewer/{layer}": f"icub --source sim --layer {layer}"
         for layer in ("pressure", "structures", "distortion", "health")
     },
-    "gallery/kaspar_touches": ("view kaspar --source sim --at 3 --screenshot OUT/a.png", "a.png"),
-    "gallery/baxter_forearm": ("view baxter-forearm --source sim --screenshot OUT/a.png", "a.png"),
-    "gallery/cyskin_arm": ("view ur10e-cyskin --source sim --at 3 --screenshot OUT/a.png", "a.png"),
-    "gallery/torso_modules": (
-        "view icub --part torso --layer patches --screenshot OUT/a.png",
-        "a.png",
-    ),
-    "gallery/foot_map": ("flatten icub --part left_foot --out OUT", "left_foot.png"),
-    "gallery/torso_map": ("flatten icub --part torso --out OUT", "torso.png"),
-    "gallery/forearm_structures": (
-        "structures icub --part right_forearm --out OUT",
-        "structures.png",
-    ),
-    "gallery/kaspar_structures": ("structures kaspar --part torso --out OUT", "structures.png"),
+    "gallery/kaspar_touches": "kaspar --source sim --at 3",
+    "gallery/baxter_forearm": "baxter-forearm --source sim",
+    "gallery/cyskin_arm": "ur10e-cyskin --source sim --at 3",
+    "gallery/torso_modules": "icub --part torso --layer patches",
+}
+# What other commands leave in a folder, and the picture in it.
+FOLDERS = {
+    "gallery/foot_map": ("flatten icub --part left_foot", "left_foot.png"),
+    "gallery/torso_map": ("flatten icub --part torso", "torso.png"),
+    "gallery/forearm_structures": ("structures icub --part right_forearm", "structures.png"),
+    "gallery/kaspar_structures": ("structures kaspar --part torso", "structures.png"),
+}
+# The command of each picture; OUT is a fresh folder, and the picture is taken from it.
+COMMANDS = {
+    **{name: (f"view {words} --screenshot OUT/a.png", "a.png") for name, words in VIEWS.items()},
+    **{name: (f"{words} --out OUT", made) for name, (words, made) in FOLDERS.items()},
 }
 
 
@@ -144,12 +144,50 @@ def _chart(axes: Any, chart: Any, skin: Any) -> None:
     axes.set_title("chart: the patch laid flat", fontsize=9)
 
 
+def contact_images(path: Path) -> None:
+    """One touch of each gesture: the image as published; the coverage; a fine image."""
+    import matplotlib as mpl
+    import numpy as np
+
+    from skinmap.io.robots.manifest import load_robot
+    from skinmap.recognition.protocols.baxter import PART, ROBOT
+    from skinmap.recognition.protocols.baxter_images import GESTURES, simulate_images
+    from skinmap.touch.images.contact_image import image_geometry
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    mpl.use("Agg")
+    from matplotlib import pyplot as plt
+
+    skin = PreparedSkin(load_robot(ROBOT).skin(PART))
+    data = simulate_images(skin, images=120, rng=np.random.default_rng(4))
+    names = [name for group in GESTURES.values() for name in group]
+    first = {name: int(np.flatnonzero(data.gestures == name)[1]) for name in names}
+    figure, axes = plt.subplots(3, 3, figsize=(10, 7.4), layout="constrained")
+    for axis, name in zip(axes.flat, names, strict=False):
+        axis.imshow(data.images[first[name]], cmap="gray", vmin=0, vmax=255)
+        axis.set_title(name.replace("_", " "))
+    coverage = axes.flat[7].imshow(skin.image_geometry.coverage, cmap="viridis", vmin=0, vmax=1)
+    axes.flat[7].set_title("coverage of the 8 mm grid")
+    figure.colorbar(coverage, ax=axes.flat[7], location="bottom", shrink=0.8)
+    fine = image_geometry(skin.flat, pitch=1e-3)
+    image = np.where(fine.mask, fine.image(data.raw[first["whole_hand"]]), np.nan)
+    axes.flat[8].imshow(image, cmap="magma")
+    axes.flat[8].set_title("whole hand, 1 mm pixels")
+    for axis in axes.flat:
+        axis.set_xticks([])
+        axis.set_yticks([])
+    figure.savefig(path, dpi=90)
+
+
+DRAWN = {"glossary": glossary, "contact_images": contact_images}  # by no command
+
+
 def main(names: list[str]) -> None:
     """Draw those that are named, or all."""
-    for name in names or [*COMMANDS, "glossary"]:
+    for name in names or [*COMMANDS, *DRAWN]:
         print(name, flush=True)
-        if name == "glossary":
-            glossary(OUT / "glossary.png")
+        if name in DRAWN:
+            DRAWN[name](OUT / f"{name}.png")
         else:
             draw(name)
 

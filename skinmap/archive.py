@@ -15,7 +15,7 @@ import numpy as np
 from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
-from skinmap.errors import DataFormatError
+from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError
 
 MAGIC = b"\x93NUMPY"
 MAX_LETTER = 0x10FFFF  # of Unicode; the surrogates below it stand for no letter either
@@ -50,6 +50,23 @@ def open_arrays(path: Path) -> Iterator[NpzFile]:
         file.seek(0)
         with _Arrays(file, allow_pickle=False) as arrays, quiet_headers():
             yield arrays
+
+
+def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
+    """All arrays of an archive by their names.
+
+    Raises
+    ------
+    DataFormatError
+        A damaged archive too.
+    """
+    try:
+        with open_arrays(path) as arrays:
+            return {name: arrays[name] for name in arrays.files}
+    except DataFormatError:
+        raise
+    except DAMAGED_ARCHIVE as error:
+        raise DataFormatError(f"not an archive of arrays: {str(error)[:200]}", path) from None
 
 
 def check_directory(whole: zipfile.ZipFile) -> None:

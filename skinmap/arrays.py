@@ -56,11 +56,7 @@ def check_finite(values: ArrayLike, name: str, shape: tuple[int | None, ...]) ->
         raise InvalidArrayError(
             f"{name} must be numbers of shape {_words(shape)}{_ragged(values)}"
         ) from error
-    fits = array.ndim == len(shape) and all(
-        want is None or have == want for have, want in zip(array.shape, shape, strict=True)
-    )
-    if not fits:
-        raise InvalidArrayError(f"{name} must have shape {_words(shape)}, got {array.shape}")
+    _check_shape(array, name, shape)
     if not np.isfinite(array).all():
         row = int(np.argwhere(~np.isfinite(array))[0, 0])
         raise InvalidArrayError(f"{name} holds NaN or infinity, first in row {row}")
@@ -78,7 +74,7 @@ def check_points(points: ArrayLike, name: str = "points") -> FloatArray:
     return check_finite(points, name, (None, 3))
 
 
-def check_faces(faces: ArrayLike, n_vertices: int, name: str = "faces") -> IntArray:
+def check_faces(faces: ArrayLike, n_vertices: int) -> IntArray:
     """Triangles of shape (m, 3) whose indices lie in 0..n_vertices-1.
 
     Raises
@@ -91,13 +87,13 @@ def check_faces(faces: ArrayLike, n_vertices: int, name: str = "faces") -> IntAr
         array = array.reshape(0, 3).astype(np.int64)
     if array.ndim != 2 or array.shape[1] != 3 or array.dtype.kind not in "iu":
         raise InvalidMeshError(
-            f"{name} must be integers of shape (m, 3), got {array.dtype} {array.shape}"
+            f"faces must be integers of shape (m, 3), got {array.dtype} {array.shape}"
         )
     outside = (array < 0) | (array >= n_vertices)
     if outside.any():
         face, corner = np.argwhere(outside)[0]
         raise InvalidMeshError(
-            f"{name} point outside the vertices: face {face} has index {array[face, corner]}, "
+            f"faces point outside the vertices: face {face} has index {array[face, corner]}, "
             f"vertices are 0..{n_vertices - 1}"
         )
     return np.ascontiguousarray(array, dtype=np.int64)
@@ -118,11 +114,15 @@ def check_whole(values: ArrayLike, name: str, shape: tuple[int | None, ...] = (N
         finite = check_finite(array, name, shape)
         if ((finite != np.floor(finite)) | (np.abs(finite) > 2**53)).any():
             raise InvalidArrayError(f"{name} must be whole numbers, got {array.dtype}")
+    _check_shape(array, name, shape)
+    return array.astype(np.int64)
+
+
+def _check_shape(array: NDArray[Any], name: str, shape: tuple[int | None, ...]) -> None:
     if array.ndim != len(shape) or any(
         want is not None and have != want for have, want in zip(array.shape, shape, strict=True)
     ):
         raise InvalidArrayError(f"{name} must have shape {_words(shape)}, got {array.shape}")
-    return array.astype(np.int64)
 
 
 def freeze(obj: object, **arrays: NDArray[Any]) -> None:

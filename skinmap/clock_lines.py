@@ -198,9 +198,15 @@ class _Alignment:
 
     def cost(self, slope: float, offsets: FloatArray, firsts: IntArray) -> float:
         """What the search makes small; `offsets` hold at the middle of the reference."""
-        which = np.maximum(np.searchsorted(firsts, self.rows, side="right") - 1, 0)
-        places = self.rows + offsets[which] + slope * (self.rows - self.middle)
+        places = self.places(self.rows, slope, offsets, firsts)
         return float(np.log(self.left(places)) + self.far(slope, offsets[0]))
+
+    def places(
+        self, rows: IntArray, slope: float, offsets: FloatArray, firsts: IntArray
+    ) -> FloatArray:
+        """Rows of the skin that belong to rows of the reference."""
+        which = np.maximum(np.searchsorted(firsts, rows, side="right") - 1, 0)
+        return rows + offsets[which] + slope * (rows - self.middle)
 
     def far(self, slope: float, lag: float) -> float:
         """Clocks rather go alike and begin together: decides where the misfit does not."""
@@ -218,9 +224,7 @@ class _Alignment:
             if more is None:
                 break
             slope, offsets, firsts = more
-        which = np.maximum(np.searchsorted(firsts, self.rows, side="right") - 1, 0)
-        places = self.rows + offsets[which] + slope * (self.rows - self.middle)
-        left = self.left(places, least=0.0)
+        left = self.left(self.places(self.rows, slope, offsets, firsts), least=0.0)
         residual = self._residual(slope, offsets, firsts)
         return tuple(
             ClockLine(int(first), float(offset - slope * self.middle), float(slope), residual, left)
@@ -302,9 +306,7 @@ class _Alignment:
         A shift of a window's level is part of it with `level`.
         """
         rows = np.arange(len(self.reference))
-        which = np.maximum(np.searchsorted(firsts, rows, side="right") - 1, 0)
-        places = rows + offsets[which] + slope * (rows - self.middle)
-        index = np.rint(places).astype(np.int64)
+        index = np.rint(self.places(rows, slope, offsets, firsts)).astype(np.int64)
         inside = (index >= 0) & (index < len(self.fine))
         every = slice(None, None, 5)
         own, wanted = self.fine[index[inside]][every], self.reference[inside][every]

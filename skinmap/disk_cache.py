@@ -117,7 +117,8 @@ class Cache:
         import numpy as np
 
         path = self._path(kind, key)
-        self._make_folder(path.parent)
+        for folder in (self.folder, path.parent):
+            folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         handle, name = tempfile.mkstemp(suffix=PARTIAL, dir=path.parent)
         try:
             with os.fdopen(handle, "wb") as file:
@@ -151,10 +152,6 @@ class Cache:
 
     def _files(self, suffix: str) -> Iterator[Path]:
         return self._home.glob(f"*/*{suffix}")
-
-    def _make_folder(self, folder: Path) -> None:
-        self.folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
 
     def _shrink(self, keep: Path) -> None:
         """Drop the longest unused until all fit, and what a killed process left half-written."""

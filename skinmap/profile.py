@@ -199,17 +199,9 @@ def read_profile(path: Path | str) -> Profile:
             SkinWarning,
             stacklevel=2,
         )
-    return Profile(
-        path,
-        skinmap=about.skinmap,
-        robot=about.robot,
-        part=about.part,
-        machine=about.machine,
-        settings=settings,
-        predicted=predicted,
-        seed=about.seed,
-        seeds=about.seeds,
-    )
+    origin = msgspec.structs.asdict(about)
+    del origin["format"]
+    return Profile(path, settings=settings, predicted=predicted, **origin)
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

@@ -10,6 +10,7 @@ in terminals and on pages.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass
 from typing import Any, TypeVar, dataclass_transform, get_args, get_type_hints
 
@@ -61,6 +62,25 @@ def value(row: Any, path: str) -> Any:
         row = None if row is None else getattr(row, name)
         row = None if row is UNSET else row
     return row
+
+
+def percent(share: float | None) -> str:
+    """A share as a cell; empty where it is not known."""
+    return "" if share is None or share != share else f"{100 * share:.1f}"
+
+
+def by_class(row: Any, classes: Sequence[str]) -> list[str]:
+    """Cells of the share named right of each class."""
+    return [percent(row.per_class.get(name)) for name in classes]
+
+
+def formatted(cell: Any, form: str) -> Any:
+    """A cell: `%` for a share, else a format of Python; empty where there is nothing to format."""
+    if form == "%":
+        return percent(cell)
+    if isinstance(cell, list):
+        return " > ".join(cell)
+    return cell if not form else "" if cell is None else f"{cell:{form}}".replace("%", " %")
 
 
 def shallow(row: Any) -> dict[str, Any]:

@@ -113,6 +113,11 @@ def steps(colours: Iterable[str]) -> NDArray[np.uint8]:
     return np.array(table).reshape(-1, 4).astype(np.uint8)
 
 
+def repeated(colours: Sequence[str], counts: Sequence[int]) -> NDArray[np.uint8]:
+    """(sum of counts, 3) bytes: each colour as often as its count says."""
+    return np.repeat(steps(colours)[:, :3], np.array(counts, np.int64), axis=0)
+
+
 def ramp(stops_: Sequence[tuple[float, str]], n: int = 256) -> NDArray[np.uint8]:
     """(n, 4) table of red, green, blue and opacity through stops (place, colour)."""
     places = np.array([place for place, _ in stops_])
@@ -143,10 +148,19 @@ def touch_colour(touch: NamedTouch) -> str:
     return class_colour(touch.label if touch.kind is None else touch.kind.answer)
 
 
+def hexed(channels: Iterable[float]) -> str:
+    """`#rrggbb` of red, green and blue from 0 to 1."""
+    return "#" + "".join(f"{round(255 * channel):02x}" for channel in channels)
+
+
+def mixed(colour: str, other: str, share: float) -> str:
+    """A colour with so much of another one in it."""
+    return hexed(((1.0 - share) * rgb(colour) + share * rgb(other)).tolist())
+
+
 def faded(colour: str) -> str:
     """The colour of a thing of which nothing new is heard, on its way to the ground's."""
-    mixed = (1.0 - FADED) * rgb(colour) + FADED * rgb(BACKGROUND)
-    return "#" + "".join(f"{round(255 * channel):02x}" for channel in mixed.tolist())
+    return mixed(colour, BACKGROUND, FADED)
 
 
 def luminance(colours: FloatArray) -> FloatArray:

@@ -196,13 +196,7 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
         ranges=checked_ranges(settings.ranges),
         view=load_view(path) if path is not None and there and has_camera(path) else None,
     )
-    wanted = Wanted(
-        screenshot=options["screenshot"],
-        movie=options["movie"],
-        html=options["html"],
-        at=options["at"],
-        seconds=options["seconds"],
-    )
+    wanted = Wanted(*(options[one] for one in ("screenshot", "movie", "html", "at", "seconds")))
     if options["beside"] is not None:
         return _beside(session, options, look, wanted)
     if wanted.files:

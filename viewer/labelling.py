@@ -109,48 +109,47 @@ class LabelServer:
     def _picture(self, touch: MarkedTouch) -> dict[str, Any]:
         """Taxels on the flat map, and by how much each left its rest at most."""
         skin = self._skins[touch.part]
-        values = np.asarray(
-            self._track.values[touch.first : touch.last + 1][:, self._track.columns(touch.part)],
-            np.float64,
-        )
-        if values.shape[1] != len(skin):
-            values = values[:, skin.skin.channels]
-        peak = np.abs(values - self._rest(touch.part)).max(axis=0)
+        values = self._values(touch.part, slice(touch.first, touch.last + 1))
+        rest = np.median(self._values(touch.part, slice(POINTS)), axis=0)
+        peak = np.abs(values - rest).max(axis=0)
         return {
             "uv": np.round(1e3 * skin.flat.uv, 2).tolist(),
             "peak": np.round(peak / max(float(peak.max()), 1.0), 3).tolist(),
         }
 
-    def _rest(self, part: str) -> np.ndarray:
-        values = np.asarray(self._track.values[:POINTS][:, self._track.columns(part)], np.float64)
+    def _values(self, part: str, rows: slice) -> np.ndarray:
+        """Samples (k, n) of a part, for each of its taxels."""
+        values = np.asarray(self._track.values[rows][:, self._track.columns(part)], np.float64)
         skin = self._skins[part]
-        rest = np.median(values, axis=0)
-        return rest if len(rest) == len(skin) else rest[skin.skin.channels]
+        return values if values.shape[1] == len(skin) else values[:, skin.skin.channels]
 
 
 def _handler(server: LabelServer) -> Callable[..., BaseHTTPRequestHandler]:
     class Handler(BaseHTTPRequestHandler):
         def do_GET(self) -> None:
-            asked = self._asked()
-            if asked is None:
-                return
-            if asked not in page_files(PAGE):
-                self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"nothing here\n")
-                return
-            self._answer(HTTPStatus.OK, *page_files(PAGE)[asked])
+            self._reply(None)
 
         def do_POST(self) -> None:
             length = self.headers.get("Content-Length", "")
             # Read whoever sends it: a browser that is cut off while it sends sees no answer.
-            body = self.rfile.read(
-                min(int(length), LARGEST) if length.isdecimal() and len(length) < 10 else 0
-            )
-            asked = self._asked()
-            if asked is None:
-                return
-            if asked != "press":
+            known = length.isdecimal() and len(length) < 10
+            self._reply(self.rfile.read(min(int(length), LARGEST) if known else 0))
+
+        def _reply(self, body: bytes | None) -> None:
+            """Answer what was asked for: a file of the page, or with a body the press of a key."""
+            names = ("Host", "Origin", "Upgrade")
+            headers = {name: self.headers.get_all(name, []) for name in names}
+            asked = server.guard.check(self.path, headers)
+            if isinstance(asked, Refusal):
+                self._answer(asked.status, "text/plain", f"{asked.reason}\n".encode())
+            elif body is None and asked in page_files(PAGE):
+                self._answer(HTTPStatus.OK, *page_files(PAGE)[asked])
+            elif body is not None and asked == "press":
+                self._press(body)
+            else:
                 self._answer(HTTPStatus.NOT_FOUND, "text/plain", b"nothing here\n")
-                return
+
+        def _press(self, body: bytes) -> None:
             try:
                 request = json.loads(body)
                 key, rest = str(request["key"]), str(request.get("rest", ""))
@@ -159,16 +158,6 @@ def _handler(server: LabelServer) -> Callable[..., BaseHTTPRequestHandler]:
                 return
             state = json.dumps(server.press(key, rest)).encode()
             self._answer(HTTPStatus.OK, "application/json", state)
-
-        def _asked(self) -> str | None:
-            headers = {
-                name: self.headers.get_all(name, []) for name in ("Host", "Origin", "Upgrade")
-            }
-            asked = server.guard.check(self.path, headers)
-            if isinstance(asked, Refusal):
-                self._answer(asked.status, "text/plain", f"{asked.reason}\n".encode())
-                return None
-            return asked
 
         def _answer(self, status: HTTPStatus, kind: str, content: bytes) -> None:
             self.send_response(status)

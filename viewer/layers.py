@@ -99,10 +99,10 @@ class Layer:
     unit: str
     limits: tuple[float, float]
     table: NDArray[np.uint8]
-    categories: tuple[str, ...]
-    live: bool
-    missing: str
     source: Values
+    categories: tuple[str, ...] = ()
+    live: bool = False
+    missing: str = "nothing known"
 
     def values(self, part: str, moment: Moment | None) -> FloatArray:
         """(n,) what the taxels of a part show; NaN where nothing is known.
@@ -139,7 +139,7 @@ def categories(
 ) -> Layer:
     """A layer of names without an order, each in its colour."""
     limits = (-0.5, len(names) - 0.5)
-    return Layer(name, title, "", limits, steps(colours), names, live, "nothing known", source)
+    return Layer(name, title, "", limits, steps(colours), source, names, live)
 
 
 def check_values(values: ArrayLike, n: int, part: str) -> FloatArray:
@@ -286,9 +286,14 @@ class Layers:
         mute = self.watch.mute(part)
         return np.where(mute, np.nan, counts) if mute.any() else counts
 
-    def _fixed(self, table: Mapping[str, FloatArray], part: str, _: Moment | None) -> FloatArray:
-        self._check(part)
-        return table[part] if part in table else np.full(len(self.skins[part]), np.nan)
+    def _found(self, table: Mapping[str, FloatArray]) -> Values:
+        """Values that stay what they are, NaN for parts that a table lacks."""
+
+        def values(part: str, _: Moment | None) -> FloatArray:
+            self._check(part)
+            return table[part] if part in table else np.full(len(self.skins[part]), np.nan)
+
+        return values
 
     def _pressure(self) -> Layer:
         if not self._loads:
@@ -334,35 +339,20 @@ class Layers:
         ranks = np.split(rank.astype(np.float64), ends)
         table = dict(zip(parts, ranks, strict=True))
         colours = (*CATEGORIES[:named], RARER, NONE)
-        source = partial(self._fixed, table)
+        source = self._found(table)
         return categories("structures", "periodic structure", tuple(names), colours, source)
 
     def _uncertainty(self) -> Layer:
-        return Layer(
-            "uncertainty",
-            "uncertainty",
-            "mm, predicted sd in the worst direction",
-            (0.0, WORST_SD),
-            ramp(UNCERTAINTY_STOPS),
-            (),
-            False,
-            "no calibration given",
-            partial(self._fixed, self._sd),
-        )
+        title, unit = "uncertainty", "mm, predicted sd in the worst direction"
+        scale = (0.0, WORST_SD), ramp(UNCERTAINTY_STOPS)
+        missing = "no calibration given"
+        return Layer("uncertainty", title, unit, *scale, self._found(self._sd), missing=missing)
 
     def _distortion(self) -> Layer:
-        strain = {part: taxel_strain(skin) for part, skin in self.skins.items()}
-        return Layer(
-            "distortion",
-            "distortion of the flat map",
-            "% of length, rms of a taxel's edges",
-            (0.0, WORST_STRAIN),
-            ramp(DISTORTION_STOPS),
-            (),
-            False,
-            "no flat map",
-            partial(self._fixed, strain),
-        )
+        strain = self._found({part: taxel_strain(skin) for part, skin in self.skins.items()})
+        title, unit = "distortion of the flat map", "% of length, rms of a taxel's edges"
+        scale = (0.0, WORST_STRAIN), ramp(DISTORTION_STOPS)
+        return Layer("distortion", title, unit, *scale, strain, missing="no flat map")
 
     def _health(self) -> Layer:
         def state(part: str, moment: Moment | None) -> FloatArray:
@@ -385,8 +375,7 @@ class Layers:
             patch = np.minimum(skin.patches, named - 1).astype(np.float64)
             table[part] = np.where(skin.patches < 0, float(named), patch)
         colours = (*CATEGORIES[:named], NONE)
-        source = partial(self._fixed, table)
-        return categories("patches", "patch", (*names, "none"), colours, source)
+        return categories("patches", "patch", (*names, "none"), colours, self._found(table))
 
     def _touched(self, kind: str) -> Layer:
         """How often, how long, how hard or when last each taxel was touched."""
@@ -400,9 +389,8 @@ class Layers:
         most = max((float(np.nanmax(one, initial=0.0)) for one in table.values()), default=0.0)
         name, top = f"touched:{kind}" if kind else "touched", max(most, 1.0)
         missing = "nothing recorded: give a recording or a folder of some with --layer touched"
-        source = partial(self._fixed, table)
-        stops = ramp(TOUCHED_STOPS)
-        return Layer(name, title, unit, (0.0, top), stops, (), False, missing, source)
+        scale = (0.0, top), ramp(TOUCHED_STOPS)
+        return Layer(name, title, unit, *scale, self._found(table), missing=missing)
 
 
 def check_layer(name: str) -> str:
@@ -422,7 +410,8 @@ def check_layer(name: str) -> str:
 def _counts(name: str, label: str, source: Values, stops: Sequence[tuple[float, str]]) -> Layer:
     """A layer of counts that come with each moment."""
     absent = f"no {label}s in this source"
-    return Layer(name, label, "counts", (0.0, FULL_SCALE), ramp(stops), (), True, absent, source)
+    scale = (0.0, FULL_SCALE), ramp(stops)
+    return Layer(name, label, "counts", *scale, source, live=True, missing=absent)
 
 
 def taxel_strain(skin: PreparedSkin) -> FloatArray:

@@ -10,7 +10,8 @@ from __future__ import annotations
 import asyncio
 import base64
 import tempfile
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from functools import cache
 from importlib import resources
@@ -36,8 +37,8 @@ from viewer.playing.player import Player, stepwise
 from viewer.playing.recent_moments import Excerpt
 from viewer.view_options import Look, Session, new_scene
 from viewer.web.hub import Hub
-from viewer.web.offline_page_data import pack_reel
-from viewer.web.scene_data import make_scene
+from viewer.web.sample import pack_reel
+from viewer.web.scene_data import WebScene, make_scene
 
 HEIGHT = 560  # of the cell's frame [px]
 STILL = (1000, 640)  # of the picture that stays in a saved notebook [px]
@@ -84,15 +85,16 @@ def show(
     import skinmap
 
     if isinstance(thing, Skin):
-        return _resting(alone(PreparedSkin(thing)), layer or "pressure", height)
+        return _resting(Shown(*alone(PreparedSkin(thing)), layer or "pressure", height))
     if isinstance(thing, FlatMap):
-        return _resting(alone(PreparedSkin.of(thing.mesh, thing)), layer or "distortion", height)
+        own = PreparedSkin.of(thing.mesh, thing)
+        return _resting(Shown(*alone(own), layer or "distortion", height))
     if isinstance(thing, Robot):
         skins = {part: PreparedSkin(thing.skin(part)) for part in parts or thing.parts}
-        return _resting(Shown(thing, skins), layer or "pressure", height)
+        return _resting(Shown(thing, skins, layer or "pressure", height))
     loaded = robot if isinstance(robot, Robot) else skinmap.load_robot(robot)
     if isinstance(thing, TouchLoop):
-        return _live(Shown(thing.robot, thing.skins), thing, layer or "pressure", height)
+        return _live(Shown(thing.robot, thing.skins, layer or "pressure", height), thing)
     names = tuple(parts) if parts is not None else None
     chosen = None if model is None else Path(model)
     if isinstance(thing, str | Path):
@@ -100,14 +102,14 @@ def show(
         if names is None:
             session.parts = _parts_of(session)
         session.prepare()
-        shown = Shown(loaded, session.skins)
+        shown = Shown(loaded, session.skins, layer or "pressure", height)
         if Path(thing).exists():
-            return _played(shown, session, layer or "pressure", height)
-        return _live(shown, session.live(), layer or "pressure", height)
+            return _played(shown, session)
+        return _live(shown, session.live())
     if isinstance(thing, Source):
         skins = {part: PreparedSkin(loaded.skin(part)) for part in names or thing.info.parts}
         loop = TouchLoop(loaded, stepwise(thing), skins=skins, parts=tuple(skins))
-        return _live(Shown(loaded, skins), loop, layer or "pressure", height)
+        return _live(Shown(loaded, skins, layer or "pressure", height), loop)
     raise UnknownNameError("thing to show of type", type(thing).__name__, THINGS)
 
 
@@ -116,21 +118,34 @@ THINGS = ("Skin", "FlatMap", "Robot", "file", "source's name", "Source", "TouchL
 
 @dataclass(frozen=True, slots=True)
 class Shown:
-    """A robot with the parts of it that are shown."""
+    """A robot with the parts of it that are shown, the layer and the frame's height [px]."""
 
     robot: Robot
     skins: Mapping[str, PreparedSkin]
+    layer: str
+    height: int
 
     @property
     def at_rest(self) -> Moment:
         """A moment without a touch."""
         return Moment(0.0, {part: np.zeros(len(skin)) for part, skin in self.skins.items()})
 
-    def still(self, moment: Moment, layer: str) -> bytes | None:
+    def played(self, moments: Sequence[Moment], now: int) -> Any:
+        """A frame that plays moments, with a picture of one of them for where nothing runs."""
+        scene = make_scene(self.robot, self.skins)
+        reel = pack_reel(scene, Layers(self.skins), moments, now=now, layer=self.layer)
+        return self.cell(scene, reel, moments[now])
+
+    def cell(self, scene: WebScene, reel: bytes | None, moment: Moment) -> Any:
+        """A frame with a page, and a picture of a moment."""
+        content = page(scene.packed, reel, self.robot.name)
+        return widget(content, self.still(moment), self.height)
+
+    def still(self, moment: Moment) -> bytes | None:
         """A picture (PNG) of a moment; None where there is no library to draw with."""
         session = Session(self.robot, tuple(self.skins), skins=dict(self.skins))
         try:
-            scene = new_scene(session, Look(layer=layer), size=STILL, off_screen=True)
+            scene = new_scene(session, Look(layer=self.layer), size=STILL, off_screen=True)
         except MissingLibraryError:
             return None
         scene.follow(moment)
@@ -159,8 +174,8 @@ class Bodiless:
         raise UnknownNameError("link with a mesh", link, ())
 
 
-def alone(skin: PreparedSkin) -> Shown:
-    """A skin without a robot."""
+def alone(skin: PreparedSkin) -> tuple[Robot, dict[str, PreparedSkin]]:
+    """A skin without a robot, as a robot of which nothing else is known."""
 
     def read() -> Any:
         raise SkinError("a skin that is alone has no table")
@@ -168,27 +183,22 @@ def alone(skin: PreparedSkin) -> Shown:
     own = skin.skin
     robot = Robot(own.part, Bodiless(own.link), {own.part: Part(own.part, own.link, read)})
     robot._skins[own.part] = own
-    return Shown(robot, {own.part: skin})
+    return robot, {own.part: skin}
 
 
 def _parts_of(session: Session) -> tuple[str, ...]:
     """The parts of the robot that the source has."""
-    source = session.open(hurry=True)
-    try:
+    with closing(session.open(hurry=True)) as source:
         found = tuple(part for part in source.info.parts if part in session.robot.parts)
-    finally:
-        source.close()
     return found or session.parts
 
 
-def _resting(shown: Shown, layer: str, height: int) -> Any:
+def _resting(shown: Shown) -> Any:
     """A frame of what is at rest."""
-    scene, moment = make_scene(shown.robot, shown.skins), shown.at_rest
-    reel = pack_reel(scene, Layers(shown.skins), [moment], layer=layer)
-    return widget(page(scene.packed, reel, shown.robot.name), shown.still(moment, layer), height)
+    return shown.played([shown.at_rest], 0)
 
 
-def _played(shown: Shown, session: Session, layer: str, height: int) -> Any:
+def _played(shown: Shown, session: Session) -> Any:
     """A frame that plays a recording, whose moments stand in it."""
     excerpt, best = Excerpt(), shown.at_rest
     for moment in excerpt.watch(session.moments(None)):
@@ -196,12 +206,10 @@ def _played(shown: Shown, session: Session, layer: str, height: int) -> Any:
     moments, now = excerpt.around(best if excerpt.moments else None)
     if not moments or now is None:
         raise InvalidArrayError(f"{session.source}: no sample to show")
-    scene = make_scene(shown.robot, shown.skins)
-    reel = pack_reel(scene, Layers(shown.skins), moments, now=now, layer=layer)
-    return widget(page(scene.packed, reel, shown.robot.name), shown.still(best, layer), height)
+    return shown.played(moments, now)
 
 
-def _live(shown: Shown, loop: TouchLoop, layer: str, height: int) -> Any:
+def _live(shown: Shown, loop: TouchLoop) -> Any:
     """A frame of a source, whose samples come over the notebook's connection."""
     try:
         events = asyncio.get_running_loop()
@@ -211,10 +219,9 @@ def _live(shown: Shown, loop: TouchLoop, layer: str, height: int) -> Any:
             "elsewhere: skinmap view --web"
         ) from None
     scene, player = make_scene(shown.robot, shown.skins), Player(loop)
-    first = {"layer": layer, "style": "surface", "view": None, "size": None}
+    first = {"layer": shown.layer, "style": "surface", "view": None, "size": None}
     hub = Hub(scene, player, Layers(shown.skins), first, loop.totals)
-    content = page(scene.packed, None, shown.robot.name)
-    made = widget(content, shown.still(shown.at_rest, layer), height)
+    made = shown.cell(scene, None, shown.at_rest)
     Wires(made, hub, events)
     player.start()
     return made

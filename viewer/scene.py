@@ -9,7 +9,7 @@ scene.screenshot("touches.png")
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -32,7 +32,6 @@ from viewer.drawing.body.bare_body import posed
 from viewer.drawing.frame.camera import Framing, View
 from viewer.drawing.frame.canvas import TURN_STEP, Canvas, Drawing
 from viewer.drawing.panel.flat_panel import FlatPanel
-from viewer.drawing.skin.lazy_maps import LazyMaps
 from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
 from viewer.drawing.skin.taxel_drawing import check_style
 from viewer.drawing.touches.traces import (
@@ -48,6 +47,33 @@ from viewer.playing.player import Player
 from viewer.playing.recent_moments import History
 
 STILL_SAMPLES = 8  # per pixel, for stills only: too slow for live pictures
+
+
+class LazyMaps(Mapping[str, FlatMap]):
+    """Flat maps of prepared skins, or of another such mapping, each made when first looked at."""
+
+    def __init__(
+        self,
+        skins: Mapping[str, PreparedSkin] | Mapping[str, FlatMap],
+        parts: Iterable[str] | None = None,
+    ) -> None:
+        self._skins = skins
+        self._parts = [part for part in (skins if parts is None else parts) if part in skins]
+
+    def __getitem__(self, part: str) -> FlatMap:
+        if part not in self._parts:
+            raise KeyError(part)
+        found = self._skins[part]
+        return found if isinstance(found, FlatMap) else found.flat
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._parts)
+
+    def __contains__(self, part: object) -> bool:
+        return part in self._parts  # without making it
+
+    def __len__(self) -> int:
+        return len(self._parts)
 
 
 class Scene:

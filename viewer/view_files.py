@@ -99,29 +99,34 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
 
 def still_moment(session: Session, look: Look, at: float | None) -> Moment | None:
     """The moment at a time of a source [s], or that which shows most; None where nothing came."""
-    best = Best(session, look)
     start, seconds = fullest(session) if at is None else (at, None)
-    moments = best.watch(session.moments(seconds, start=start))
+    moments = session.moments(seconds, start=start)
     if at is not None:
         return next(moments, None)
-    for _ in moments:
+    best = Best(session, look)
+    for _ in best.watch(moments):
         pass
     return best.moment
 
 
 def shown_files(session: Session, moment: Moment | None, files: list[Path]) -> ViewFiles:
     """What is printed of files that show a moment."""
-    touches = () if moment is None else moment.touches
     return ViewFiles(
         robot=session.robot.name,
         parts=list(session.parts),
         source=session.source,
         time=None if moment is None else moment.time - session.origin,
-        touches=[
-            ShownTouch(part=one.part, label=one.label, confidence=one.confidence) for one in touches
-        ],
+        touches=shown_touches(moment),
         files=files,
     )
+
+
+def shown_touches(moment: Moment | None) -> list[ShownTouch]:
+    """What is printed of the touches of a moment."""
+    touches = () if moment is None else moment.touches
+    return [
+        ShownTouch(part=one.part, label=one.label, confidence=one.confidence) for one in touches
+    ]
 
 
 def _stills(

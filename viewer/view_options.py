@@ -22,7 +22,7 @@ from skinmap.live.sources.open_recording import open_recording
 from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import Seekable, Source, SourceEnded, is_live
-from skinmap.live.touched_taxels import Touched, recordings_of, touched_in
+from skinmap.live.touched_taxels import LEARN, Touched, recordings_of, touched_in
 from skinmap.recognition.classifier import TouchClassifier
 from skinmap.recognition.model_file import load_classifier
 from skinmap.recognition.named_classifiers import default_model
@@ -30,18 +30,16 @@ from skinmap.skin.robot import Robot
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.body.bare_body import check_links
-from viewer.drawing.skin.lazy_maps import LazyMaps
 from viewer.interaction.saving import apply_view, check_view
 from viewer.interaction.selection import Selection
 from viewer.interaction.view_file import SavedView
 from viewer.layers import Layers
 from viewer.playing.player import stepwise
-from viewer.scene import Scene
+from viewer.scene import LazyMaps, Scene
 
 LIVE = 5.0  # how long a live source is watched for a picture or a movie [s]
 MADE = 12.0  # how long recordings and the simulator are, for a picture [s]
 LEAD = 1.0  # of a recording before the time asked for: touches are named from their past [s]
-LEARN = 10.0  # as long as it may take to know that a taxel is stuck [s]
 STEP = 0.2  # longest wait for a sample before the clock is looked at [s]
 SAME = 1e-6  # times that differ by less are the same [s]
 SILENCE = 5.0  # a live source that sends nothing for so long gives no picture [s]
@@ -167,9 +165,14 @@ class Session:
         """A loop for a player; of a recording it knows what hangs before the first sample."""
         loop = self.touch_loop(stepwise(self.open()), self.classifier())
         if isinstance(loop.source, Seekable):
-            with closing(self.open(hurry=True)) as ahead:
-                loop.learn_rest(ahead, LEARN)
+            self.learn_rest(loop)
         return loop
+
+    def learn_rest(self, loop: TouchLoop, start: float = 0.0) -> None:
+        """Tell a loop what its taxels are at rest, from the same samples read before [s]."""
+        with closing(self.open(hurry=True)) as ahead:
+            _led(ahead, start)
+            loop.learn_rest(ahead, LEARN)
 
     @property
     def repeats(self) -> bool:
@@ -211,9 +214,7 @@ class Session:
         end = start + (length if seconds is None else seconds)
         loop = self.touch_loop(source, self.classifier() if name else None, singly=True)
         if self.repeats:
-            with closing(self.open(hurry=True)) as ahead:
-                _led(ahead, start)
-                loop.learn_rest(ahead, LEARN)
+            self.learn_rest(loop, start)
         try:
             before = _led(source, start)
             for moment in _heard(loop, end):

@@ -11,8 +11,7 @@ from typing import Any
 from skinmap.live.moment import Moment
 from viewer.export.movie import MOVIE_FPS
 from viewer.interaction.controls import Controls
-from viewer.interaction.events import Events
-from viewer.interaction.mouse import Pace
+from viewer.interaction.mouse import Events, Pace
 from viewer.playing.overview import fill_overview
 from viewer.playing.player import Player
 from viewer.results import ViewWindow
@@ -41,11 +40,6 @@ class Punctual:
     too long is held back: the newest sample is drawn instead, at once. Where that comes too late
     again, drawing cannot keep up here: pictures are shown then, but say so.
 
-    Parameters
-    ----------
-    oldest : float
-        [s].
-
     Attributes
     ----------
     age : float
@@ -58,8 +52,7 @@ class Punctual:
         Pictures shown so far that said that they were late.
     """
 
-    def __init__(self, oldest: float = OLDEST) -> None:
-        self.oldest = oldest
+    def __init__(self) -> None:
         self.marked = False
         self.age = 0.0
         self.held = self.late = 0
@@ -78,7 +71,7 @@ class Punctual:
             Whether it is the first picture of its sample. Later ones, drawn because the camera
             turned, are as old as the source is slow: that is not drawing's fault.
         """
-        self.age, limit = age, self.oldest
+        self.age, limit = age, OLDEST
         if not news:
             limit = max(limit, MISSED / rate) if rate > 0.0 else float("inf")
         if not age > limit:
@@ -255,6 +248,18 @@ def play(scene: Scene, moments: Iterable[Moment], *, seconds: float = math.inf) 
     moments : TouchLoop or iterable of Moment
     seconds : float
         Close it by itself after so long.
+
+    Returns
+    -------
+    int
+        Pictures drawn.
+
+    Examples
+    --------
+    >>> from viewer import Scene, play
+    >>> scene = Scene.load("kaspar", ["torso"])  # off screen: off_screen=False opens a window
+    >>> play(scene, [scene.moment], seconds=0.2) >= 0
+    True
     """
     window = Window(scene, Player(moments))
     window.open()

@@ -89,8 +89,4 @@ def next_touch(skin: PreparedSkin, path: FloatArray, words: str) -> NamedTouch:
     return NamedTouch(skin.skin.part, rows, centre, f"next: {label}", 1.0, 0, normal=normal)
 
 
-def open_marker(
-    robot: Robot, parts: Sequence[str], told: Callable[[str], None] | None = None
-) -> WebMarker:
-    """The marker that `skinmap checkup --web` opens."""
-    return WebMarker(robot, parts, told)
+open_marker = WebMarker  # what `skinmap checkup --web` opens

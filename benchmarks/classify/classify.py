@@ -8,29 +8,29 @@ Histograms are of 1,128 taxels: ours, the loop of Algorithm 1 and scikit-learn's
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
 from sklearn.cluster import KMeans
 from sklearn.svm import SVC
 
-from benchmarks.geometry.structures import structure_rows
+import skinmap
+from benchmarks.geometry.structures import structure_rows, tiling
 from benchmarks.harness.record import command
-from benchmarks.harness.timing import medians, ratio_quartiles, spreads, take_turns
-from benchmarks.live.live_speed import live_rows
+from benchmarks.harness.timing import medians, quartiles, ratio_quartiles, spreads, take_turns
+from benchmarks.live.live_memory import TAUGHT, train
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import Structures, find_structures
 from skinmap.recognition.histograms.additive import intersection_function
 from skinmap.recognition.histograms.intersection import IntersectionSVC, intersection_kernel
+from skinmap.recognition.naming import name_touches
 from skinmap.touch.histograms.codebook import Codebook, learn_codebook, patterns
 from skinmap.touch.histograms.votes import VoteCounter
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.simulation.simulator import simulate
 
-# Taxel places in a 12-pad module of side 30 mm, origin at its centre [mm].
-PAD_12 = [
-    (7.5, -1.443), (10, -5.774), (5, -5.774), (0, -2.887), (-5, -5.774), (-10, -5.774),
-    (-7.5, -1.443), (-2.5, 1.443), (-2.5, 7.217), (0, 11.547), (2.5, 7.217), (2.5, 1.443),
-]  # fmt: skip
-MODULES = 94
+TAXELS = 1128  # of 94 modules
 BATCH = 200
 ONE_RATIOS = {  # of two tasks on one sample
     "numpy_over_literal_loop": ("literal_loop", "numpy"),
@@ -41,18 +41,6 @@ BATCH_RATIOS = {
     "batch_numpy_over_kmeans": ("kmeans_per_structure", "numpy"),
     "batch_compiled_over_kmeans": ("kmeans_per_structure", "compiled"),
 }
-
-
-def tiling() -> np.ndarray:
-    """(1128, 3) taxels of a flat tiling of 94 12-pad modules [m]."""
-    pad, side = np.array(PAD_12), 30.0
-    height = side * np.sqrt(3) / 2
-    modules = []
-    for i, j in np.ndindex(7, 7):
-        corner = np.array([side * (i + 0.5 * j), height * j])
-        modules += [pad + corner, -pad + corner + [side / 2, height / 3]]
-    flat = np.concatenate(modules[:MODULES]) * 1e-3
-    return np.column_stack([flat, np.zeros(len(flat))])
 
 
 def literal_loop(book: Codebook, structures: Structures, sample: np.ndarray) -> np.ndarray:
@@ -94,11 +82,9 @@ def gather_kernel() -> Any:
 def histogram_row(rotations: int, share: float, rounds: int) -> dict[str, Any]:
     """One sample and a batch, all ways, on the 1,128 taxels of the tiling."""
     rng = np.random.default_rng(0)
-    points = tiling()
-    up, across = np.tile([0.0, 0, 1], (len(points), 1)), np.tile([0.0, 1, 0], (len(points), 1))
-    structures = find_structures(
-        neighbourhoods(points, up, across, radius=8e-3), rotations=rotations
-    )
+    skin = tiling("triangle_12pad", 7, most=TAXELS)
+    points = skin[0]
+    structures = find_structures(neighbourhoods(*skin, radius=8e-3), rotations=rotations)
     book = learn_codebook([(structures, draw(points, 1.0, rng))], rng=rng)
     samples = draw(points, share, rng)
     plain = VoteCounter(book, structures, compiled=False)
@@ -131,19 +117,20 @@ def histogram_row(rotations: int, share: float, rounds: int) -> dict[str, Any]:
         },
         rounds,
     )
-    one, batch = medians(one_times, 1e6), medians(batch_times, 1e6 / BATCH)
     ratios = ratio_quartiles(one_times, ONE_RATIOS) | ratio_quartiles(batch_times, BATCH_RATIOS)
-    wrong = _different_votes(plain, fast, book, structures, samples)
+    some = samples[:20]
+    loop = np.array([literal_loop(book, structures, sample) for sample in some])
+    ways = (plain.count(some), fast.count(some), np.array([plain.count_one(x) for x in some]))
     return {
         "taxels": len(points),
         "structures": len(book.words),
         "rotations": rotations,
         "active_share": share,
-        "one_sample_us": one,
-        "batch_us_per_sample": batch,
+        "one_sample_us": medians(one_times, 1e6),
+        "batch_us_per_sample": medians(batch_times, 1e6 / BATCH),
         "one_sample_quartiles_us": spreads(one_times, 1e6),
         "batch_quartiles_us_per_sample": spreads(batch_times, 1e6 / BATCH),
-        "votes_that_differ": wrong,
+        "votes_that_differ": int(sum(np.abs(way - loop).sum() for way in ways)),
         "ratio_quartiles": ratios,
         "ratios": {name: middle for name, (_, middle, _) in ratios.items()},
     }
@@ -154,20 +141,6 @@ def k_means(words: np.ndarray) -> KMeans:
     machine = KMeans(len(words), n_init=1, max_iter=1, init=words, random_state=0).fit(words)
     machine.cluster_centers_ = np.ascontiguousarray(words)
     return machine
-
-
-def _different_votes(
-    plain: VoteCounter,
-    fast: VoteCounter,
-    book: Codebook,
-    structures: Structures,
-    samples: np.ndarray,
-) -> int:
-    """Votes in which any of our ways differs from the literal loop, over twenty samples."""
-    some = samples[:20]
-    loop = np.array([literal_loop(book, structures, sample) for sample in some])
-    ways = (plain.count(some), fast.count(some), np.array([plain.count_one(x) for x in some]))
-    return int(sum(np.abs(way - loop).sum() for way in ways))
 
 
 SHARES = ((1, 1.0), (1, 0.03), (6, 1.0), (6, 0.03))  # rotations, share of the taxels active
@@ -240,6 +213,8 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
         kernel[:, svc.support_] = sum_of_minima(rows, support) / ours.scale_
         return svc.decision_function(kernel)
 
+    known = np.zeros((len(z), len(x)))
+    known[:, svc.support_] = intersection_kernel(z, support) / ours.scale_
     parts = (ours.support_histograms_, ours.coefficients_, ours.intercept_)
     plain, fast = intersection_function(*parts), intersection_function(*parts)
     compiled = fast.compile()
@@ -260,7 +235,6 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
         },
         rounds,
     )
-    many, single = medians(many_times, 1e6), medians(single_times, 1e6)
     ratios = ratio_quartiles(many_times, RATIOS) | ratio_quartiles(single_times, SINGLE_RATIOS)
     gap = np.abs(ours.decision_function(z) - peer(z)).max()
     return {
@@ -269,21 +243,38 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
         "bins": x.shape[1],
         "support_vectors": len(support),
         "compiled": compiled,
-        "samples_us": many,
-        "one_sample_us": single,
+        "samples_us": medians(many_times, 1e6),
+        "one_sample_us": medians(single_times, 1e6),
         "samples_quartiles_us": spreads(many_times, 1e6),
         "one_sample_quartiles_us": spreads(single_times, 1e6),
         "largest_difference": float(gap),
-        "labels_that_differ": int((ours.predict(z) != _labels(svc, z, support, ours, x)).sum()),
+        "labels_that_differ": int((ours.predict(z) != svc.predict(known)).sum()),
         "ratio_quartiles": ratios,
         "ratios": {name: middle for name, (_, middle, _) in ratios.items()},
     }
 
 
-def _labels(svc: SVC, z: Any, support: Any, ours: IntersectionSVC, x: Any) -> np.ndarray:
-    kernel = np.zeros((len(z), len(x)))
-    kernel[:, svc.support_] = intersection_kernel(z, support) / ours.scale_
-    return np.asarray(svc.predict(kernel))
+def live_rows(quick: bool) -> list[dict[str, Any]]:
+    """One sample of a touch, without a past, to its labels, by each classifier."""
+    robot = skinmap.load_robot("icub")
+    skins = {part: PreparedSkin(robot.skin(part)) for part in TAUGHT}
+    skin, rng = skins["torso"], np.random.default_rng(3)
+    recorded = simulate(skin.skin, rng=rng, per_gesture=4).touches()
+    # The middle of each touch: a sample of a hand at rest on the skin.
+    middles = [samples[len(samples) // 2] for _, _, samples in recorded]
+    rows = []
+    for name in ("contact-geometry", "histogram"):
+        model = train(skins, name, 8 if quick else 16)
+        model.prepare(skin)
+        cost = np.zeros(len(middles))
+        for _ in range(3):  # the first time warms up
+            for number, sample in enumerate(middles):
+                start = time.process_time()
+                name_touches(model, skin, sample[None])
+                cost[number] = (time.process_time() - start) * 1e3
+        found = {"mean": float(cost.mean()), "quartiles": quartiles(cost)}
+        rows.append({"classifier": name, "one_sample_alone_1_touched_ms": found})
+    return rows
 
 
 if __name__ == "__main__":

@@ -13,26 +13,25 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from benchmarks.classify.touches import skins_of, touches_of
 from benchmarks.harness.record import RESULTS, about, write
-from skinmap.io.robots.manifest import load_robot
+from benchmarks.harness.timing import timed
 from skinmap.physics.simulation import simulate as press
 from skinmap.physics.variants import FROZEN
 from skinmap.recognition.answering import shipped_answers
 from skinmap.recognition.answers import HandAnswer
 from skinmap.recognition.classifier import TouchClassifier
-from skinmap.recognition.descriptors import Touch, recorded_touches
+from skinmap.recognition.descriptors import Touch
 from skinmap.recognition.evaluate import likeliest
 from skinmap.recognition.named_classifiers import DEFAULT_FILE, default_model
 from skinmap.recognition.protocols.physics import COVERAGE, judged
 from skinmap.recognition.protocols.results import PhysicsRow
-from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import FOUR, TIME
 from skinmap.touch.simulation.simulator import simulate
 from skinmap.touch.simulation.things import HAND, OTHER, STILL
@@ -55,26 +54,21 @@ SEED = 4000  # far from those that it was trained with
 
 def other_robot(name: str, count: int) -> list[Touch]:
     """Touches of ours on the skins of a robot that the model never saw."""
-    robot = load_robot(name)
     found = []
-    for number, part in enumerate(SKINS[name]):
-        skin = PreparedSkin(robot.skin(part))
+    for number, skin in enumerate(skins_of(name, SKINS[name]).values()):
         for state in range(STATES):
             rng = np.random.default_rng([SEED, number, state])
-            made = simulate(skin.skin, rng=rng, per_gesture=count, gestures=(*FOUR, *TIME))
-            found += recorded_touches(skin, made)
+            found += touches_of(skin, simulate, [((*FOUR, *TIME), count)], rng=rng)
     return found
 
 
 def frozen_variant(count: int) -> list[Touch]:
     """Touches of the physics that nothing was trained or tuned on, on parts of the iCub."""
-    robot = load_robot("icub")
+    wanted = ((FOUR, 2 * count), (TIME, max(1, count // 2)))
     found = []
-    for number, part in enumerate(PRESSED):
-        skin, rng = PreparedSkin(robot.skin(part)), np.random.default_rng([SEED, number])
-        for gestures, touches in ((FOUR, 2 * count), (TIME, max(1, count // 2))):
-            made = press(skin.skin, rng=rng, variant=FROZEN, per_gesture=touches, gestures=gestures)
-            found += recorded_touches(skin, made)
+    for number, skin in enumerate(skins_of("icub", PRESSED).values()):
+        rng = np.random.default_rng([SEED, number])
+        found += touches_of(skin, press, wanted, rng=rng, variant=FROZEN)
     return found
 
 
@@ -123,18 +117,15 @@ def answer_touches(count: int) -> Iterator[tuple[str, list[Touch]]]:
     """Touches of all hands and things, by who made them: ours on each robot, and MuJoCo's."""
     wanted = ((STILL, count), (TIME, 1))
     for name, parts in {**SKINS, "icub": PRESSED}.items():
-        skins = [PreparedSkin(load_robot(name).skin(part)) for part in parts]
-        variants = ("flesh", FROZEN) if name == "icub" else ()
-        for who in ("", *variants):
+        skins = skins_of(name, parts).values()
+        for who in ("", *(("flesh", FROZEN) if name == "icub" else ())):
             found: list[Touch] = []
             for number, skin in enumerate(skins):
                 rng = np.random.default_rng([SEED, 1 + bool(who), number])
-                for names, many in (1 if who else STATES) * wanted:
-                    how: dict[str, Any] = {"rng": rng, "per_gesture": many, "gestures": names}
-                    made = (
-                        press(skin.skin, variant=who, **how) if who else simulate(skin.skin, **how)
-                    )
-                    found += recorded_touches(skin, made)
+                if who:
+                    found += touches_of(skin, press, wanted, rng=rng, variant=who)
+                else:
+                    found += touches_of(skin, simulate, STATES * wanted, rng=rng)
             yield f"MuJoCo, {who}" if who else name, found
 
 
@@ -186,17 +177,16 @@ def main() -> None:
     parser.add_argument("--touches", type=int, default=4, help="of each gesture on each skin")
     parser.add_argument("--answers", action="store_true", help="only kind, motion and hand")
     asked = parser.parse_args()
-    count = asked.touches
-    told = [answer_row(*one) for one in answer_touches(count)]
+    told = [answer_row(*one) for one in answer_touches(asked.touches)]
     for one in told:
         print(json.dumps(one))
-    if asked.answers:
-        before = json.loads(OUT.read_text())
-        write(OUT, {**before, "answers": {**about("full"), "rows": told}})
-        return
-    began = time.process_time()
-    model = default_model()
-    loading = time.process_time() - began
+    kept = json.loads(OUT.read_text()) if asked.answers else named_rows(asked.touches)
+    write(OUT, {**kept, "answers": {**about("full"), "rows": told}})
+
+
+def named_rows(count: int) -> dict[str, Any]:
+    """Head, size and rows of all that is named, printed too."""
+    model, loading, _ = timed(default_model)
     tests = {name: other_robot(name, count) for name in SKINS}
     tests[f"MuJoCo, {FROZEN}"] = frozen_variant(count)
     rows = [row(where, one, kind) for where, one in tests.items() for kind in (FOUR, TIME)]
@@ -207,20 +197,13 @@ def main() -> None:
             f"sets hold {100 * one['sets_held']:.1f} % by {one['names_in_a_set']:.2f} names, "
             f"as familiar {100 * one['sets_held_as_familiar']:.1f} %"
         )
-    size = {
+    return {
+        **about("full"),
         "kilobytes": DEFAULT_FILE.stat().st_size / 1e3,
         "support_vectors": len(model.estimator.vectors_),
+        "loading_cpu_seconds": loading,
+        "rows": rows,
     }
-    write(
-        OUT,
-        {
-            **about("full"),
-            **size,
-            "loading_cpu_seconds": loading,
-            "rows": rows,
-            "answers": {**about("full"), "rows": told},
-        },
-    )
 
 
 if __name__ == "__main__":

@@ -9,6 +9,7 @@ sensors, each learnt from their own kind. Scores are per touch event, and "unkno
 from __future__ import annotations
 
 import argparse
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -17,19 +18,37 @@ import skinmap
 from benchmarks.harness.origin import watched
 from benchmarks.harness.record import RESULTS, about, write
 from skinmap.recognition.classifier import TouchClassifier
+from skinmap.recognition.descriptors import Touch, recorded_touches
 from skinmap.recognition.naming import all_right, name_touches
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.pairs import simulate_pairs
 from skinmap.touch.simulation.simulator import simulate
 
+Wanted = Sequence[tuple[Sequence[str], int]]  # gestures, and how many touches of each
 TRAINED_PARTS = ("torso", "left_leg_upper", "left_foot", "right_forearm")
+
+
+def touches_of(
+    skin: PreparedSkin, make: Callable[..., Recording], wanted: Wanted, **how: Any
+) -> list[Touch]:
+    """Touches that a simulator makes on one skin: gestures, and how many of each, in turn."""
+    found = []
+    for gestures, count in wanted:
+        made = make(skin.skin, gestures=gestures, per_gesture=count, **how)
+        found += recorded_touches(skin, made)
+    return found
+
+
+def skins_of(robot: str, parts: Sequence[str] = ()) -> dict[str, PreparedSkin]:
+    """Some parts of a robot, or all, ready to be touched."""
+    loaded = skinmap.load_robot(robot)
+    return {part: PreparedSkin(loaded.skin(part)) for part in parts or loaded.parts}
 
 
 def measure(variety: float, seeds: int, count: int) -> dict[str, Any]:
     """Shares of pairs with both names right, and of single touches under the same grouping."""
-    robot = skinmap.load_robot("icub")
-    skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
+    robot, skins = skinmap.load_robot("icub"), skins_of("icub")
     right: dict[str, list[bool]] = {part: [] for part in skins}
     two: list[bool] = []
     alone: list[bool] = []

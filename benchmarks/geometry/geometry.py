@@ -4,9 +4,6 @@ Writes benchmarks/results/geometry.json and cost_of_flattening.png. CPU time of 
 one sparse Cholesky (or LDL or LU) factorisation of the same mesh's cotangent Laplacian by the
 fastest solver installed, measured in turns with everything else. `--quick` takes 1,000 vertices
 only and leaves out what takes long.
-
-`meshing_rows` has the meshing of taxels against the peers: what comes out, and what it costs. Peers
-that are not installed are left out, and named so.
 """
 
 from __future__ import annotations
@@ -15,7 +12,7 @@ import importlib.util
 import json
 import math
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,10 +21,9 @@ import numpy as np
 from scipy.interpolate import LinearNDInterpolator
 
 import skinmap
-from benchmarks.geometry.saddle import flattening_rows, large_rows
+from benchmarks.geometry.saddle import OURS, flattening_rows, large_rows
 from benchmarks.harness.record import command
 from benchmarks.harness.timing import (
-    Quartiles,
     medians,
     quartiles,
     ratio_quartiles,
@@ -35,21 +31,14 @@ from benchmarks.harness.timing import (
     take_turns,
     timed,
 )
-from skinmap.errors import InvalidMeshError
 from skinmap.flat.flat_map import FlatMap, flatten
-from skinmap.geometry.topology import face_components
 from skinmap.skin.cover import measure_fit
 from skinmap.skin.skin import Skin, skin_from_points
 from skinmap.surface.surface_mesh import build_surface
-from skinmap.touch.images.contact_image import (
-    ContactImageGeometry,
-    compiled_gathers,
-    image_geometry,
-)
+from skinmap.touch.images.contact_image import image_geometry
 
 REPEATS = 3
 PITCH = 6.5e-3  # m, as on the iCub
-Mesher = Callable[[Skin], np.ndarray]
 
 
 def wavy_skin(n: int, seed: int = 0) -> Skin:
@@ -64,11 +53,6 @@ def wavy_skin(n: int, seed: int = 0) -> Skin:
     return skin_from_points(PITCH * points, normals)
 
 
-def ours(method: str) -> Mesher:
-    """One of our methods."""
-    return lambda skin: build_surface(skin, method=method).faces
-
-
 def pymeshlab_pivoting(skin: Skin) -> np.ndarray:
     """Ball pivoting of MeshLab with the radius of its choice."""
     import pymeshlab
@@ -79,76 +63,25 @@ def pymeshlab_pivoting(skin: Skin) -> np.ndarray:
     return meshes.current_mesh().face_matrix().astype(np.int64)
 
 
-METHODS: dict[str, tuple[str | None, Mesher]] = {
-    "consensus": (None, ours("consensus")),
-    "fast": (None, ours("fast")),
-    "pymeshlab ball pivoting": ("pymeshlab", pymeshlab_pivoting),
-}
-
-
-def installed() -> dict[str, Mesher]:
-    """The methods whose package is there."""
-    return {
-        name: mesher
-        for name, (package, mesher) in METHODS.items()
-        if package is None or importlib.util.find_spec(package) is not None
-    }
-
-
-def describe(faces: np.ndarray) -> dict[str, int]:
-    """What a mesh is like: triangles, taxels used, patches."""
-    label = face_components(faces) if len(faces) else np.array([-1])
-    return {
-        "faces": len(faces),
-        "used": len(np.unique(faces)),
-        "patches": int(label.max()) + 1,
-    }
-
-
-def meshed_in_turns(
-    meshers: Mapping[str, Mesher], skin: Skin, repeats: int
-) -> dict[str, tuple[np.ndarray, Quartiles]]:
-    """Faces and quartiles of the CPU time [s] of each, all in turns."""
-
-    def run(mesher: Mesher) -> np.ndarray:
-        try:
-            return mesher(skin)
-        except InvalidMeshError:
-            return np.zeros((0, 3), np.int64)
-
-    runs: dict[str, list[float]] = {name: [] for name in meshers}
-    faces = {}
-    for _ in range(repeats):
-        for name, mesher in meshers.items():
-            faces[name], cpu, _ = timed(partial(run, mesher))
-            runs[name].append(cpu)
-    return {name: (faces[name], quartiles(each)) for name, each in runs.items()}
-
-
 def meshing_rows(sizes: tuple[int, ...]) -> list[dict[str, Any]]:
-    """One row for each size and method, methods interleaved, each warmed up on a small skin."""
-    meshers = installed()
-    small = wavy_skin(400)
-    meshed_in_turns(meshers, small, 1)
+    """One row for each size and method, methods interleaved; the peer where it is installed."""
+    methods: dict[str, Callable[[Skin], object]] = {"consensus": build_surface}
+    if importlib.util.find_spec("pymeshlab"):
+        methods["pymeshlab ball pivoting"] = pymeshlab_pivoting
     rows = []
     for size in sizes:
         skin = wavy_skin(size)
-        for name, (faces, cpu) in meshed_in_turns(meshers, skin, REPEATS).items():
-            row = {"method": name, "n": len(skin), **describe(faces), "cpu_s": cpu[1]}
-            rows.append(row | {"quartiles_s": cpu})
+        tasks = {name: partial(mesher, skin) for name, mesher in methods.items()}
+        for name, times in take_turns(tasks, REPEATS).items():
+            spread = quartiles(times.cpu)
+            rows.append({"method": name, "n": len(skin), "cpu_s": spread[1], "quartiles_s": spread})
     return rows
-
-
-def missing() -> list[str]:
-    """Peers that are not installed."""
-    return [name for name in METHODS if name not in installed()]
 
 
 CYSKIN = Path(__file__).resolve().parents[3] / "shared" / "data" / "cyskin" / "ur10e"
 SIZES = (1_000, 3_000, 10_000, 30_000, 100_000)
 LARGE = 1_000_000
-PLOTTED = ("fast", "balanced", "dirichlet", "libigl LSCM", "libigl ARAP-10 from BFF",
-           "libigl SLIM-2 from BFF")  # fmt: skip
+PLOTTED = (*OURS, "libigl LSCM", "libigl ARAP-10 from BFF", "libigl SLIM-2 from BFF")
 BATCH = 64
 ROUNDS = 7
 CASES = ((768, (66, 100), 400), (10_000, (512, 512), 20))
@@ -168,7 +101,7 @@ def measure(quick: bool, *, sizes: tuple[int, ...] = SIZES, large: int = LARGE) 
     """
     rows = flattening_rows((1_000,) if quick else sizes)
     if large and not quick:
-        rows += large_rows(large, ("fast", "balanced", "dirichlet"))
+        rows += large_rows(large)
     result: dict[str, Any] = {
         "flattening": rows,
         "exponents": exponents(rows),
@@ -176,17 +109,20 @@ def measure(quick: bool, *, sizes: tuple[int, ...] = SIZES, large: int = LARGE) 
         "icub": icub_row(repeats=1 if quick else 5),
         "ur10e": ur10e_row(),
         "meshing": meshing_rows((1_000,) if quick else (1_000, 10_000)),
-        "meshing_peers_not_installed": missing(),
     }
     return result if quick else result | {"contact_images": contact_image_rows()}
+
+
+def seconds_by_size(rows: list[dict[str, Any]], method: str) -> dict[int, float]:
+    """Seconds of a method by number of vertices, the smallest first."""
+    return dict(sorted((row["n"], row["seconds"]) for row in rows if row.get("method") == method))
 
 
 def exponents(rows: list[dict[str, Any]]) -> dict[str, float]:
     """Slope of log seconds over log n of each method, from 10,000 vertices on where possible."""
     fits = {}
     for name in dict.fromkeys(row["method"] for row in rows if "method" in row):
-        points = np.array([(row["n"], row["seconds"]) for row in rows if row.get("method") == name])
-        large = points[points[:, 0] >= 9_000]
+        large = [pair for pair in seconds_by_size(rows, name).items() if pair[0] >= 9_000]
         if len(large) >= 2:
             fits[name] = float(np.polyfit(*np.log(large).T, 1)[0])
     return fits
@@ -194,12 +130,11 @@ def exponents(rows: list[dict[str, Any]]) -> dict[str, float]:
 
 def cost_model(rows: list[dict[str, Any]]) -> dict[str, tuple[float, float]]:
     """What `auto` needs: seconds at 100,000 vertices and exponent, `fast` taken off the others."""
-    model = {}
-    for name in ("fast", "balanced", "dirichlet"):
-        seconds = {row["n"]: row["seconds"] for row in rows if row.get("method") == name}
-        base = {row["n"]: row["seconds"] for row in rows if row.get("method") == "fast"}
-        sizes = np.array([n for n in seconds if n >= 900], float)
-        values = np.array([seconds[n] - (base[n] if name != "fast" else 0.0) for n in seconds])
+    model, base = {}, seconds_by_size(rows, "fast")
+    for name in OURS:
+        seconds = seconds_by_size(rows, name)
+        sizes = np.array([*seconds], float)
+        values = np.array([own - (name != "fast") * base[n] for n, own in seconds.items()])
         if len(sizes) >= 2 and (values > 0).all():
             slope, level = np.polyfit(np.log(sizes / 1e5), np.log(values), 1)
             model[name] = (float(np.exp(level)), float(slope))
@@ -215,18 +150,28 @@ def icub_row(repeats: int) -> dict[str, Any]:
         meshes, meshed, _ = timed(lambda: [build_surface(skin) for skin in skins])
         maps, flattened, _ = timed(lambda meshes=meshes: [flatten(mesh) for mesh in meshes])
         times.append((meshed, flattened))
-    charts = [chart for flat in maps for chart in flat.charts]
-    errors = [100.0 * chart.distortion.edge_rms for chart in charts]
     meshing, flattening = np.median(times[1:], axis=0)
+    fits = [measure_fit(skin, robot.mesh(skin.link)) for skin in skins]
+    angles = np.degrees(np.concatenate([fit.normal_angle for fit in fits]))  # sign aside
     return {
-        "patches": len(charts),
-        "flips": sum(flat.flips for flat in maps),
-        "edge_rms_percent": {"median": float(np.median(errors)), "worst": max(errors)},
+        **flat_figures(maps),
         "meshing_seconds": float(meshing),
         "flattening_seconds": float(flattening),
         "seconds": float(np.median(np.sum(times[1:], axis=1))),
         "seconds_quartiles": quartiles(np.sum(times[1:], axis=1)),
-        **normals_of(robot, skins),
+        "taxels": len(angles),
+        "normals_deg_median": float(np.median(angles)),
+        "normals_within_15_deg_percent": 100.0 * float((angles <= 15.0).mean()),
+    }
+
+
+def flat_figures(maps: list[FlatMap]) -> dict[str, Any]:
+    """Patches, flips and edge errors of the flat maps of a robot."""
+    errors = [100.0 * chart.distortion.edge_rms for flat in maps for chart in flat.charts]
+    return {
+        "patches": len(errors),
+        "flips": sum(flat.flips for flat in maps),
+        "edge_rms_percent": {"median": float(np.median(errors)), "worst": max(errors)},
     }
 
 
@@ -234,13 +179,11 @@ def ur10e_row() -> dict[str, Any]:
     """The second real skin on our meshes and, where its laboratory's files are, on theirs."""
     robot = skinmap.load_robot("ur10e-cyskin")
     meshes = [build_surface(robot.skin(part)) for part in robot.parts]
-    maps = [flatten(mesh) for mesh in meshes]
-    charts = [chart for flat in maps for chart in flat.charts]
+    found = flat_figures([flatten(mesh) for mesh in meshes])
     return {
+        **found,
+        "edge_rms_percent": found["edge_rms_percent"]["worst"],
         "taxels": sum(len(np.unique(mesh.faces)) for mesh in meshes),
-        "patches": len(charts),
-        "flips": sum(flat.flips for flat in maps),
-        "edge_rms_percent": max(100.0 * chart.distortion.edge_rms for chart in charts),
         "theirs": [theirs_row(path) for path in sorted(CYSKIN.glob("ur10e_*_patch1.json"))],
     }
 
@@ -257,17 +200,6 @@ def theirs_row(path: Path) -> dict[str, Any]:
     }
 
 
-def normals_of(robot: Any, skins: list[Any]) -> dict[str, Any]:
-    """Angles between taxels' normals and the nearest face of their link, sign aside."""
-    fits = [measure_fit(skin, robot.mesh(skin.link)) for skin in skins]
-    every = np.degrees(np.concatenate([fit.normal_angle for fit in fits]))
-    return {
-        "taxels": len(every),
-        "normals_deg_median": float(np.median(every)),
-        "normals_within_15_deg_percent": 100.0 * float((every <= 15.0).mean()),
-    }
-
-
 def plot(rows: list[dict[str, Any]], fits: dict[str, float], target: Path) -> None:
     """CPU seconds against vertices, both logarithmic, with the fitted exponents."""
     import matplotlib
@@ -279,9 +211,7 @@ def plot(rows: list[dict[str, Any]], fits: dict[str, float], target: Path) -> No
     factors = sorted((row["n"], row["seconds"]) for row in rows if row.get("is_C"))
     axes.loglog(*zip(*factors, strict=True), "k--", lw=1, label="C: one factorisation")
     for name in PLOTTED:
-        points = sorted((row["n"], row["seconds"]) for row in rows if row.get("method") == name)
-        if not points:
-            continue
+        points = seconds_by_size(rows, name).items()
         slope = f", n^{fits[name]:.2f}" if name in fits else ""
         style = ":s" if name.startswith("libigl") else "-o"
         axes.loglog(*zip(*points, strict=True), style, ms=4, label=name + slope)
@@ -314,12 +244,6 @@ def lattice(n: int, aspect: float) -> Skin:
     return skin_from_points(positions, normals, part="lattice")
 
 
-def traffic(geometry: ContactImageGeometry) -> int:
-    """Bytes that one image must move: the stored geometry, the pressures and the image."""
-    stored = (geometry.pixels, geometry.columns, geometry.weights)
-    return sum(array.nbytes for array in stored) + 4 * len(geometry) + 4 * geometry.mask.size
-
-
 def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, object]:
     """One row: ours and the peers on one map and one grid."""
     rng = np.random.default_rng(0)
@@ -333,10 +257,11 @@ def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, ob
         geometry.corner[1] - geometry.pitch * (np.arange(rows) + 0.5),
     )
     centres = np.column_stack([x.ravel(), y.ravel()])
-    peer = LinearNDInterpolator(flat.uv, sample, fill_value=0.0)
-    triangulation = peer.tri
-    moved = traffic(geometry)
-    # Copying reads and writes: the rate at which memory of this size can be moved at best.
+    triangulation = LinearNDInterpolator(flat.uv, sample).tri
+    # What one image must move: the stored geometry, the pressures and the image. Copying reads and
+    # writes: the rate at which memory of this size can be moved at best.
+    stored = (geometry.pixels, geometry.columns, geometry.weights)
+    moved = sum(one.nbytes for one in stored) + 4 * len(geometry) + 4 * geometry.mask.size
     source = np.ones(moved // 8, np.float32)
     target = np.empty_like(source)
     few = max(1, repeats // 20)
@@ -359,7 +284,6 @@ def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, ob
         "taxels": len(geometry),
         "shape": list(geometry.shape),
         "pixels_in_the_map": len(geometry.pixels),
-        "compiled": compiled_gathers() is not None,
         "quartiles_us": spreads(turns, 1e6),
         "image_us": times["image"],
         "batch_us_per_sample": times["batch"] / BATCH,

@@ -1,14 +1,12 @@
 """Flattening a saddle: our methods and the peers in turns, in multiples of one factorisation.
 
-`flattening_rows` gives one row a method and size; `large_row` runs a mesh of a million vertices
+`flattening_rows` gives one row a method and size; `large_rows` runs a mesh of a million vertices
 in a process of its own, which shows its memory. CPU time of one thread throughout.
 """
 
 from __future__ import annotations
 
-import json
 import resource
-import subprocess
 import sys
 from collections.abc import Callable
 from statistics import median
@@ -16,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import ROOT
+from benchmarks.harness.record import afresh
 from benchmarks.harness.timing import quartiles, timed
 from skinmap.flat.disc import Disc
 from skinmap.flat.disc_map import map_disc
@@ -27,6 +25,7 @@ from skinmap.geometry.topology import boundary_loops
 OURS = ("fast", "balanced", "dirichlet")
 REPEATS = {1_000: 9, 3_000: 7, 10_000: 5}
 ONCE_FROM = 30_000  # vertices: peers that take more than 5 C run once from here on
+SLOW = ("libigl LSCM", "libigl SLIM-2 from BFF")
 
 
 def saddle(n: int) -> tuple[np.ndarray, np.ndarray]:
@@ -53,44 +52,24 @@ def _rows_of_size(n: int) -> list[dict[str, Any]]:
         name: lambda name=name: map_disc(vertices, faces, method=name).uv for name in OURS
     }
     methods |= peer_cases(vertices, faces, loop)
-    slow = [name for name in methods if "SLIM" in name or "LSCM" in name]
     times: dict[str, list[float]] = {name: [] for name in (*factors, *methods)}
-    maps = {}
+    results = {}
     for repeat in range(REPEATS.get(n, 3)):
-        for name, run in factors.items():
-            times[name].append(_cpu(run)[0])
-        for name, run in methods.items():
-            if repeat and n >= ONCE_FROM and name in slow:
-                continue
-            seconds, maps[name] = _cpu(run)
-            times[name].append(seconds)
+        for name, run in {**factors, **methods}.items():
+            if not repeat or n < ONCE_FROM or name not in SLOW:
+                results[name], seconds, _ = timed(run)
+                times[name].append(seconds)
     fastest = min(factors, key=lambda name: median(times[name]))
-    rows: list[dict[str, Any]] = [
-        {
-            "n": n,
-            "vertices": len(vertices),
-            "solver": name,
-            "seconds": median(times[name]),
-            "is_C": name == fastest,
-        }
-        for name in factors
-    ]
-    for name, uv in maps.items():
-        seconds = median(times[name])
+    rows: list[dict[str, Any]] = []
+    for name, seconds in times.items():
+        row: dict[str, Any] = {"n": n, "seconds": median(seconds)}
+        if name in factors:
+            rows.append({**row, "solver": name, "is_C": name == fastest})
+            continue
         # Of the same turns: a busy machine slows both.
-        ratios = quartiles(np.array(times[name]) / np.array(times[fastest][: len(times[name])]))
-        rows.append(
-            {
-                "n": n,
-                "method": name,
-                "peer": name not in OURS,
-                "seconds": seconds,
-                "C": ratios[1],
-                "C_quartiles": ratios,
-                "quartiles_s": quartiles(times[name]),
-                **distortion(vertices, faces, uv),
-            }
-        )
+        ratios = quartiles(np.array(seconds) / np.array(times[fastest][: len(seconds)]))
+        rows.append({**row, "method": name, "C": ratios[1], "C_quartiles": ratios,
+                     **distortion(vertices, faces, results[name])})  # fmt: skip
     return rows
 
 
@@ -157,44 +136,24 @@ def peer_cases(
     }
 
 
-def _cpu(run: Callable[[], Any]) -> tuple[float, Any]:
-    result, seconds, _ = timed(run)
-    return seconds, result
+def large_rows(n: int) -> list[dict[str, Any]]:
+    """Our methods on a large saddle, each once, in a process of its own that shows its memory."""
+    rows: list[dict[str, Any]] = afresh(_large, n)
+    return rows
 
 
-def large_rows(n: int, methods: tuple[str, ...]) -> list[dict[str, Any]]:
-    """Methods on a large saddle, each once, in a process of its own that shows its memory."""
-    child = subprocess.Popen(
-        [sys.executable, "-m", "benchmarks.geometry.saddle", str(n), *methods],
-        stdout=subprocess.PIPE,
-        text=True,
-        cwd=ROOT,
-    )
-    rows = []
-    for line in child.stdout or ():
-        print(line, end="", file=sys.stderr, flush=True)
-        rows.append(json.loads(line))
-    if child.wait():
-        raise RuntimeError(f"the large case ended with {child.returncode}")
-    unit = next(row["seconds"] for row in rows if "solver" in row)
-    return [row | ({} if "solver" in row else {"C": row["seconds"] / unit}) for row in rows]
-
-
-def _large(n: int, methods: list[str]) -> None:
-    """Print a row a method, then that of the factorisation."""
+def _large(n: int) -> list[dict[str, Any]]:
+    """A row a method, then that of the factorisation."""
     vertices, faces = saddle(n)
-    for name in methods:
-        seconds, flat = _cpu(lambda name=name: map_disc(vertices, faces, method=name))
+    rows = []
+    for name in OURS:
+        flat, seconds, _ = timed(lambda name=name: map_disc(vertices, faces, method=name))
         # The largest so far: of the method that runs first, its own.
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
-        row = {"n": len(vertices), "method": name, "peer": False, "seconds": seconds}
-        row |= {"fallback": flat.fallback, "peak_gb": peak}
-        print(json.dumps({**row, **distortion(vertices, faces, flat.uv)}), flush=True)
+        rows.append({"n": len(vertices), "method": name, "seconds": seconds, "peak_gb": peak,
+                     **distortion(vertices, faces, flat.uv)})  # fmt: skip
+        print(rows[-1], file=sys.stderr, flush=True)
     matrix = Disc(vertices, faces, boundary_loops(faces)[0]).laplacian[1:, 1:].tocsc()
-    unit, _ = _cpu(lambda: factorise(matrix))
-    row = {"n": len(vertices), "solver": "scipy", "seconds": unit, "is_C": True}
-    print(json.dumps(row), flush=True)
-
-
-if __name__ == "__main__":
-    _large(int(sys.argv[1]), sys.argv[2:])
+    _, unit, _ = timed(lambda: factorise(matrix))
+    factor = {"n": len(vertices), "solver": "scipy", "seconds": unit, "is_C": True}
+    return [*(row | {"C": row["seconds"] / unit} for row in rows), factor]

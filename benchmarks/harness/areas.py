@@ -15,12 +15,12 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True)
 class Area:
-    """One area.
+    """One area, whose name is its key in `AREAS` and in the results.
 
     Attributes
     ----------
-    name, module : str
-        Its name in the results, and the module here that measures it.
+    module : str
+        The module here that measures it.
     about : str
         What is measured.
     short : mapping of str to Any
@@ -31,7 +31,6 @@ class Area:
         Longest time that the area may take [s]; it is stopped then.
     """
 
-    name: str
     module: str
     about: str
     short: Mapping[str, Any] = field(default_factory=dict)
@@ -39,40 +38,41 @@ class Area:
     seconds: float = 1800.0
 
 
-AREAS = (
-    Area("geometry", "benchmarks.geometry.geometry",
-         "surface meshes, flat maps and contact images beside their peers",
-         {"large": 0}, "no map of 1,000,000 vertices"),
-    Area("classify", "benchmarks.classify.classify",
-         "histograms, SVM, labels and structures beside their peers",
-         {"rounds": 5}, "5 turns instead of 15"),
-    Area("calibration", "benchmarks.calibration.calibrations",
-         "accuracy and time of calibrations (simulated evidence)",
-         {"repeats": 1, "wrong": 10, "scans": 16, "wirings": 7, "planes": 2, "trials": 4},
-         "23 runs a row instead of 46, 16 scans instead of 50, "
-         "7 faulty check-ups of each part instead of 35, 2 trials of presses instead of 30, "
-         "10 wrong inputs of each kind instead of 67, 4 simulated self-touches instead of 20"),
-    Area("live", "benchmarks.live.live",
-         "streams, contacts, identities, memory and recordings",
-         {"minutes": 1.0, "seconds": 30.0, "soaked": 20_000, "each": 5.0, "kills": 5, "pairs": 3},
-         "60 s at 50 Hz instead of 10 minutes, 30 s at 1 kHz instead of 60, 20,000 samples soaked "
-         "instead of 200,000, 5 recorders killed instead of 10"),
-    Area("viewer", "benchmarks.viewer.viewer_speed",
-         "frames, first picture and memory beside PyVista",
-         {"rounds": 5}, "5 rounds instead of 7; 200,000 updates are in `make soak`"),
-    Area("page", "benchmarks.viewer.viewer_web",
-         "the page in headless Chromium",
-         {"openings": 1}, "opened once instead of three times"),
-    Area("needs", "benchmarks.scale.needs",
-         "time and memory against what is asked for",
-         {"turns": 3}, "3 fresh processes a case instead of 5"),
-)  # fmt: skip
-NAMES = tuple(area.name for area in AREAS)
-
-
-def area_of(name: str) -> Area:
-    """The area of a name."""
-    return next(area for area in AREAS if area.name == name)
+AREAS = {
+    "geometry": Area(
+        "benchmarks.geometry.geometry",
+        "surface meshes, flat maps and contact images beside their peers",
+        {"large": 0}, "no map of 1,000,000 vertices"),
+    "classify": Area(
+        "benchmarks.classify.classify",
+        "histograms, SVM, labels and structures beside their peers",
+        {"rounds": 5}, "5 turns instead of 15"),
+    "calibration": Area(
+        "benchmarks.calibration.calibrations",
+        "accuracy and time of calibrations (simulated evidence)",
+        {"repeats": 1, "wrong": 10, "scans": 16, "wirings": 7, "planes": 2, "trials": 4},
+        "23 runs a row instead of 46, 16 scans instead of 50, "
+        "7 faulty check-ups of each part instead of 35, 2 trials of presses instead of 30, "
+        "10 wrong inputs of each kind instead of 67, 4 simulated self-touches instead of 20"),
+    "live": Area(
+        "benchmarks.live.live",
+        "streams, contacts, identities, memory and recordings",
+        {"minutes": 1.0, "seconds": 30.0, "soaked": 20_000, "each": 5.0, "kills": 5, "pairs": 3},
+        "60 s at 50 Hz instead of 10 minutes, 30 s at 1 kHz instead of 60, 20,000 samples soaked "
+        "instead of 200,000, 5 recorders killed instead of 10"),
+    "viewer": Area(
+        "benchmarks.viewer.viewer_speed",
+        "frames, first picture and memory beside PyVista",
+        {"rounds": 5}, "5 rounds instead of 7; 200,000 updates are in `make soak`"),
+    "page": Area(
+        "benchmarks.viewer.viewer_web",
+        "the page in headless Chromium",
+        {"openings": 1}, "opened once instead of three times"),
+    "needs": Area(
+        "benchmarks.scale.needs",
+        "time and memory against what is asked for",
+        {"turns": 3}, "3 fresh processes a case instead of 5"),
+}  # fmt: skip
 
 
 def run(area: Area, form: str) -> dict[str, Any]:

@@ -3,24 +3,50 @@
 Each entry of the table names an area, a path into its rows, a bound (`most`, `least` or
 `equals`), a unit and where the bound comes from. A path is a list of keys; a table in it picks
 the rows of a list that have these values. Where it picks several, the worst of them counts.
+
+    python -m benchmarks.harness.asked
+
+judges the kept run again, by today's bounds and results of other runs, and writes
+docs/benchmarks.md.
 """
 
 from __future__ import annotations
 
 import json
 import tomllib
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from benchmarks import ROOT
-from benchmarks.harness.areas import NAMES
-from benchmarks.harness.record import RESULTS
+from benchmarks.harness.areas import AREAS
+from benchmarks.harness.record import RESULTS, table, write
+from skinmap.report.table import Table
 
 TABLE = ROOT / "benchmarks" / "asked.toml"
 KEPT = "kept in"  # a file: what a note on a figure of another run begins with
 BOUNDS = ("most", "least", "equals")
 TIMES = ("s", "ms", "us", "times", "factorisations C", "s wall")
-HEADS = ("asked for", "asked", "got", "spread", "ratio", "", "peer", "asked in")
+SHORT = "falls short"
+HEADS = ("key", "what", "asked", "got", "spread", "ratio", "", "peer")
+PAGE = ROOT / "docs" / "benchmarks.md"
+HEAD = """# Benchmarks
+
+Bounds beside what came out, with the peers in the same run. Written by `make bench` from
+`benchmarks/results/bench.json`.
+
+Commit {commit}; {form} form; {cores} cores of {processor}, {memory} GB; load average {load} at
+the start; {minutes:.1f} minutes, {cpu:.0f} s of CPU time. Times are CPU time of one thread,
+medians; the spread is from the lower to the upper quartile. Accuracies are simulated where the
+words say so. A ratio above 1 is better than asked.
+
+```text
+{summary}
+```
+
+How the form of a run was shorter than the full one stands with each area:
+
+"""
 
 
 def asked() -> list[dict[str, Any]]:
@@ -51,7 +77,7 @@ def judge(result: Mapping[str, Any]) -> list[dict[str, Any]]:
     list of dict
         `key, area, what, unit, bound, asked, got, spread, ratio, state, peer, peer_name, source,
         note`. `key` names the figure for good. The ratio is above 1 where the figure is better
-        than asked. `state` is "met", "falls short" or "not measured"; `note` says why, or from
+        than asked. `state` is "met", SHORT or "not measured"; `note` says why, or from
         where a figure comes that is not of this run.
     """
     return [_judged(entry, result) for entry in asked()]
@@ -66,8 +92,8 @@ def _judged(entry: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, An
     got = worst(find(rows, entry["path"]), bound)
     state = "not measured"
     if got is not None and limit is not None:
-        state = "met" if met(got, limit, bound) else "falls short"
-        if state == "falls short" and _once(entry, result):
+        state = "met" if met(got, limit, bound) else SHORT
+        if state == SHORT and _once(entry, result):
             state, note = "not measured", "one run on a machine that does other things: no verdict"
     elif not note:
         note = "its rows are missing" + (f": {entry['needs']}" if "needs" in entry else "")
@@ -121,7 +147,7 @@ def _rows(entry: Mapping[str, Any], result: Mapping[str, Any]) -> tuple[Any, str
         since = f" since {made['commit']}" if "commit" in made else ""
         return rows, f"{KEPT} {entry['file']}{since}"
     if entry["area"] == "bench":
-        whole = set(result["areas"]) == set(NAMES) and result["form"] != "quick"
+        whole = set(result["areas"]) == set(AREAS) and result["form"] != "quick"
         whole = whole and not any("failed" in area for area in result["areas"].values())
         return (result, "") if whole else (None, "not all areas ran in full or in short")
     area = result["areas"].get(entry["area"])
@@ -173,54 +199,88 @@ def number(value: Any) -> str:
 
 
 def cells(row: Mapping[str, Any]) -> tuple[str, ...]:
-    """One row of the table, in words."""
+    """One row of the table, in words: a cell under each of `HEADS`."""
     sign = {"most": "≤ ", "least": "≥ ", "equals": ""}[row["bound"]]
     what = row["what"] + (f" [{row['unit']}]" if row["unit"] else "")
-    peer = f"{number(row['peer'])} {row['peer_name']}" if row["peer"] is not None else ""
     return (
+        row["key"],
         what + (f" ({row['note']})" if row["note"] else ""),
         sign + number(row["asked"]),
         number(row["got"]),
         " to ".join(map(number, row["spread"])) if row["spread"] else "",
         "" if row["ratio"] is None else f"{row['ratio']:.3g}x",
         row["state"],
-        peer,
-        row["source"],
+        f"{number(row['peer'])} {row['peer_name']}" if row["peer"] is not None else "",
     )
 
 
-def table_text(rows: Sequence[Mapping[str, Any]]) -> str:
-    """The table as text, area after area, and a count at the end."""
-    lines = []
-    table = [HEADS, *map(cells, rows)]
-    widths = [min(max(len(line[k]) for line in table), 78 if k == 0 else 34) for k in range(7)]
-    heads = "  ".join(name.ljust(width) for name, width in zip(HEADS, widths, strict=False))
-    area = None
-    for row in rows:
-        if row["area"] != area:
-            area = row["area"]
-            lines += ["", f"== {area}", heads + "  " + HEADS[-1]]
-        line = cells(row)
-        text = "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=False))
-        lines.append(f"{text}  {line[-1]}")
-    return "\n".join([*lines, "", summary(rows)])
+def by_area(rows: Sequence[Mapping[str, Any]]) -> Iterator[tuple[str, list[Mapping[str, Any]]]]:
+    """Judged rows, area after area."""
+    for area in dict.fromkeys(row["area"] for row in rows):
+        yield area, [row for row in rows if row["area"] == area]
+
+
+def print_table(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print all rows, area after area, and a count at the end."""
+    for area, own in by_area(rows):
+        print(f"\n== {area}")
+        Table(HEADS, [cells(row) for row in own]).print()
+    print(f"\n{summary(rows)}")
 
 
 def summary(rows: Sequence[Mapping[str, Any]]) -> str:
     """How many are met, fall short and were not measured, kept ones apart; which fall short."""
     kept = [row for row in rows if row["note"].startswith(KEPT)]
     run = [row for row in rows if not row["note"].startswith(KEPT)]
-    text = f"{_counted(run)} asked for and measured by this run"
-    text += f"\n{_counted(kept)} kept from runs before" if kept else ""
-    short = [f"  {row['area']}: {cells(row)[0]}: asked {cells(row)[1]}, got {cells(row)[2]}"
-             for row in rows if row["state"] == "falls short"]  # fmt: skip
-    return "\n".join([text, *short])
+    lines = [f"{_counted(run)} asked for and measured by this run"]
+    lines += [f"{_counted(kept)} kept from runs before"] * bool(kept)
+    for row in rows:
+        if row["state"] == SHORT:
+            _, what, wanted, got, *_ = cells(row)
+            lines.append(f"  {row['area']}: {what}: asked {wanted}, got {got}")
+    return "\n".join(lines)
 
 
 def _counted(rows: Sequence[Mapping[str, Any]]) -> str:
-    states = [row["state"] for row in rows]
-    count = {state: states.count(state) for state in ("met", "falls short", "not measured")}
+    count = Counter(row["state"] for row in rows)
     return (
-        f"{count['met']} met, {count['falls short']} fall short, "
+        f"{count['met']} met, {count[SHORT]} fall short, "
         f"{count['not measured']} not measured, of {len(rows)}"
     )
+
+
+def doc_of(result: Mapping[str, Any]) -> str:
+    """The page as Markdown."""
+    machine, areas, known = result["machine"], result["areas"], limits()
+    ran = [
+        (name, *(f"{area[key]:.0f}" for key in ("seconds", "cpu_seconds")),
+         f"{area['load_average']:.2f}", area["shorter"], area.get("failed", "done"))
+        for name, area in areas.items()
+    ]  # fmt: skip
+    lines = [
+        HEAD.format(
+            commit=result["commit"], form=result["form"], cores=machine["cores"],
+            processor=machine["processor"], memory=machine["memory_gb"],
+            load=machine["load_average"], minutes=result["seconds"] / 60.0,
+            cpu=sum(area["cpu_seconds"] for area in areas.values()),
+            summary=summary(result["asked"]),
+        ),
+        *table(("area", "wall [s]", "CPU [s]", "load before", "shorter by", "state"), ran),
+    ]  # fmt: skip
+    for area, rows in by_area(result["asked"]):
+        shown = []
+        for row in rows:
+            key, *rest, state, peer = cells(row)
+            shown.append((f"`{key}`", *rest, f"**{state}**" if state == SHORT else state, peer))
+        lines += ["", f"## {area.capitalize()}", "", *table(HEADS, shown)]
+        for row in rows:
+            if row["state"] == SHORT and row["key"] in known:
+                lines += ["", f"`{row['key']}`: {known[row['key']]}"]
+    return "\n".join([*lines, ""])
+
+
+if __name__ == "__main__":
+    judged = json.loads((RESULTS / "bench.json").read_text(encoding="utf-8"))
+    judged["asked"] = judge(judged)
+    write(RESULTS / "bench.json", judged)
+    PAGE.write_text(doc_of(judged), encoding="utf-8")

@@ -22,12 +22,10 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import ROOT
-from benchmarks.harness import areas
-from benchmarks.harness.asked import judge, table_text
-from benchmarks.harness.bench_doc import write_doc
+from benchmarks.harness import areas, asked
 from benchmarks.harness.record import RESULTS, about, write
 from benchmarks.harness.timing import children_seconds
-from benchmarks.scale.needs import write_page
+from benchmarks.scale import needs
 
 KEPT = RESULTS / "bench.json"
 BUILD = RESULTS.parents[1] / "build" / "bench"  # of runs with no figures to keep
@@ -40,19 +38,20 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the areas, write the result and its page, print the table."""
     options = _parser().parse_args(arguments)
     if options.child:
-        write(options.out, areas.run(areas.area_of(options.child), options.form))
+        write(options.out, areas.run(areas.AREAS[options.child], options.form))
         return 0
     form = "quick" if options.quick else "full" if options.full else "short"
     os.environ.update(ONE_THREAD)
     # Ended from outside, it still ends the area that runs.
     signal.signal(signal.SIGTERM, lambda number, _: sys.exit(128 + number))
-    whole = set(options.only) == set(areas.NAMES) and not options.quick
+    whole = set(options.only) == set(areas.AREAS) and not options.quick
     target = options.out or (KEPT if whole else BUILD / f"bench_{form}.json")
-    measure_all(options.only, form, target)
+    names = [name for name in areas.AREAS if name in options.only]
+    measure_all(names, form, target)
     result = json.loads(target.read_text(encoding="utf-8"))  # what the pages say is in the file
     if target == KEPT:
         write_pages(result)
-    print(table_text(result["asked"]))
+    asked.print_table(result["asked"])
     print(f"\n{result['seconds']:.0f} s in all; written to {target}")
     for name, area in result["areas"].items():
         if "failed" in area:
@@ -62,11 +61,10 @@ def main(arguments: list[str] | None = None) -> int:
 
 def write_pages(result: dict[str, Any]) -> None:
     """The pages in docs of the result that is kept."""
-    write_doc(result)
+    asked.PAGE.write_text(asked.doc_of(result), encoding="utf-8")
     if rows := result["areas"].get("needs", {}).get("rows"):
-        needs = RESULTS / "needs.json"
-        write(needs, {key: one for key, one in result.items() if key in HEAD} | rows)
-        write_page(json.loads(needs.read_text(encoding="utf-8")))
+        write(needs.RESULT, {key: one for key, one in result.items() if key in HEAD} | rows)
+        needs.write_page()
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -74,9 +72,9 @@ def _parser() -> argparse.ArgumentParser:
     size = parser.add_mutually_exclusive_group()
     size.add_argument("--quick", action="store_true", help="whether all of it runs (4 minutes)")
     size.add_argument("--full", action="store_true", help="the full form of each area (an hour)")
-    parser.add_argument("--only", nargs="+", choices=areas.NAMES, default=areas.NAMES)
+    parser.add_argument("--only", nargs="+", choices=areas.AREAS, default=[*areas.AREAS])
     parser.add_argument("--out", type=Path, help="JSON to write")
-    parser.add_argument("--child", choices=areas.NAMES, help=argparse.SUPPRESS)
+    parser.add_argument("--child", choices=areas.AREAS, help=argparse.SUPPRESS)
     parser.add_argument("--form", default="short", help=argparse.SUPPRESS)
     return parser
 
@@ -94,25 +92,21 @@ def measure_all(names: Sequence[str], form: str, keep: Path) -> dict[str, Any]:
     """
     result: dict[str, Any] = about(form) | {"areas": {}}
     began = time.perf_counter()
-    for area in areas.AREAS:
-        if area.name in names:
-            place = f"{len(result['areas']) + 1} of {len(names)}"
-            print(f"{area.name} ({place}): {area.about} ...", file=sys.stderr, flush=True)
-            found = measure_one(area, form)
-            result["areas"][area.name] = found
-            state = found.get("failed") or "done"
-            _judge(result, time.perf_counter() - began)
-            write(keep, result)
-            print(f"  {state} ({found['seconds']:.0f} s)", file=sys.stderr, flush=True)
+    for number, name in enumerate(names, 1):
+        area = areas.AREAS[name]
+        place = f"{number} of {len(names)}"
+        print(f"{name} ({place}): {area.about} ...", file=sys.stderr, flush=True)
+        found = measure_one(name, area, form)
+        result["areas"][name] = found
+        result["seconds"] = time.perf_counter() - began
+        result["asked"] = asked.judge(result)
+        write(keep, result)
+        state = found.get("failed", "done")
+        print(f"  {state} ({found['seconds']:.0f} s)", file=sys.stderr, flush=True)
     return result
 
 
-def _judge(result: dict[str, Any], seconds: float) -> None:
-    result["seconds"] = seconds
-    result["asked"] = judge(result)
-
-
-def measure_one(area: areas.Area, form: str) -> dict[str, Any]:
+def measure_one(name: str, area: areas.Area, form: str) -> dict[str, Any]:
     """The rows of one area from a process of its own, or `failed`: why there are none.
 
     Returns
@@ -128,9 +122,9 @@ def measure_one(area: areas.Area, form: str) -> dict[str, Any]:
         "load_average": os.getloadavg()[0],
     }
     began, spent = time.perf_counter(), children_seconds()
-    with tempfile.TemporaryDirectory() as name:
-        out, said = Path(name) / "rows.json", Path(name) / "said.txt"
-        command = [*PROGRAM, "--child", area.name, "--form", form, "--out", str(out)]
+    with tempfile.TemporaryDirectory() as folder:
+        out, said = Path(folder) / "rows.json", Path(folder) / "said.txt"
+        command = [*PROGRAM, "--child", name, "--form", form, "--out", str(out)]
         failed = _run(command, said, limit)
         if failed is None:
             found["rows"] = json.loads(out.read_text(encoding="utf-8"))

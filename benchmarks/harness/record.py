@@ -13,9 +13,11 @@ import os
 import platform
 import subprocess
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +28,7 @@ FORMAT = 1  # of the files
 DIRTY = "-dirty"  # of a commit whose files were changed
 LIBRARIES = (
     "skinmap", "numpy", "scipy", "scikit-learn", "numba", "libigl", "trimesh", "pymeshlab",
-    "cholespy", "scikit-sparse", "potpourri3d", "open3d", "pyvista", "vtk", "websockets",
+    "scikit-sparse", "potpourri3d", "open3d", "pyvista", "vtk", "websockets",
     "mcap", "zstandard", "pyzmq", "pylsl", "loky", "torch",
 )  # fmt: skip
 Measure = Callable[..., dict[str, Any]]
@@ -135,6 +137,23 @@ def rounded(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [rounded(one) for one in value]
     return rounded(value.item()) if hasattr(value, "item") else value
+
+
+def table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Lines of a table in Markdown."""
+    body = ("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows)
+    return [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|", *body]
+
+
+def afresh(work: Callable[..., Any], *given: Any, preload: Sequence[str] = ()) -> Any:
+    """What a function returns in a process of its own, which only these modules were loaded into.
+
+    What the function prints goes to the terminal; what it raises is raised here.
+    """
+    context = get_context("forkserver")
+    context.set_forkserver_preload(list(preload))
+    with ProcessPoolExecutor(1, context) as pool:
+        return pool.submit(work, *given).result()
 
 
 def command(measure: Measure, what: str | None, name: str, arguments: Any = None) -> Path | None:

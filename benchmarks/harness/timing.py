@@ -1,4 +1,4 @@
-"""CPU and wall time of tasks that take turns: what every benchmark measures with.
+"""CPU and wall time of tasks that take turns, and memory: what every benchmark measures with.
 
 A task and its peer stand in one table; each is run once to warm up, then all take turns, so that
 a machine that grows busy or warm does so for all of them. What is told is the median over the
@@ -7,10 +7,13 @@ turns with its quartiles.
 
 from __future__ import annotations
 
+import contextlib
 import os
+import resource
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -57,6 +60,27 @@ def children_seconds() -> float:
     """CPU time of all processes that this one started and that have ended [s]."""
     times = os.times()
     return times.children_user + times.children_system
+
+
+def process_table() -> dict[int, list[str]]:
+    """What /proc/PID/stat says behind the name, of all processes that there are."""
+    found = {}
+    for entry in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):  # it ended meanwhile
+            text = (entry / "stat").read_text(encoding="utf-8")
+            found[int(entry.name)] = text.rpartition(")")[2].split()
+    return found
+
+
+def memory_mb() -> float:
+    """Memory of this process that is in use now [MB]."""
+    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    return pages * resource.getpagesize() / 1e6
+
+
+def peak_mb() -> float:
+    """Most memory of this process since it began, or since the mark was set back [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def take_turns(tasks: Mapping[str, Task], rounds: int, *, warm: int = 1) -> dict[str, Times]:

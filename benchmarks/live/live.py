@@ -19,11 +19,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import skinmap
-from benchmarks.harness.record import command, readable
+from benchmarks.harness.record import command
 from benchmarks.harness.timing import quartiles, timed
 from benchmarks.live import recordings, transport
-from benchmarks.live.live_memory import soak
-from benchmarks.live.live_speed import train
+from benchmarks.live.live_memory import soak, train
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.loop import TouchLoop
 from skinmap.live.robot_skin import JoinedSkin
@@ -121,9 +120,8 @@ def measure(
     each: float = 10.0,
     kills: int = 10,
     pairs: int = 10,
-    only: str | None = None,
 ) -> dict[str, Any]:
-    """All parts, or only one.
+    """All parts.
 
     Parameters
     ----------
@@ -137,8 +135,6 @@ def measure(
         Seconds of each transport at each rate.
     kills, pairs : int
         Recorders killed; pairs of touches on each part.
-    only : str, optional
-        Name of one part.
     """
     if quick:
         minutes, seconds, soaked, each, kills, pairs = 0.1, 3.0, 2000, 1.0, 1, 1
@@ -150,7 +146,7 @@ def measure(
         "transport": lambda: transport.rows(each),
         "contacts": lambda: contacts(joined, 50 if quick else 2000),
         "identities": lambda: identities(joined, pairs),
-        "press": lambda: press(joined, minutes=minutes),
+        "press": lambda: press(skins["torso"], minutes),
         "live_50_hz": lambda: live(robot, skins, model, 50.0, 60.0 * minutes),
         "live_1_khz": lambda: live(robot, skins, model, 1000.0, seconds),
         "live_1_khz_raw": lambda: live(robot, skins, model, 1000.0, seconds, raw=True),
@@ -158,19 +154,10 @@ def measure(
         "recordings": lambda: recordings.measure(kills=kills, minutes=minutes),
     }
     result: dict[str, Any] = {"channels": len(joined)}
-    for name in parts if only is None else [only]:
-        result[name], cpu, wall = timed(parts[name])
+    for name, part in parts.items():
+        result[name], cpu, wall = timed(part)
         print(f"{name}: {wall:.0f} s, {cpu:.0f} s CPU", file=sys.stderr, flush=True)
     return result
-
-
-def main() -> None:
-    """Measure and write, or print one part (`--only press`: `make soak`)."""
-    if "--only" in sys.argv:
-        name = sys.argv[sys.argv.index("--only") + 1]
-        print(readable(measure("--quick" in sys.argv, only=name)[name]))
-    else:
-        command(measure, __doc__, "live")
 
 
 def contacts(skin: JoinedSkin, repeats: int) -> dict[str, Any]:
@@ -216,13 +203,18 @@ def identities(skin: JoinedSkin, count: int) -> dict[str, Any]:
     }
 
 
-def press(skin: JoinedSkin, *, minutes: float) -> dict[str, Any]:
+def press_of_torso(minutes: float) -> dict[str, Any]:
+    """A press that is held on the torso of the iCub."""
+    return press(PreparedSkin(skinmap.load_robot("icub").skin("torso")), minutes)
+
+
+def press(skin: PreparedSkin, minutes: float) -> dict[str, Any]:
     """A press that is held, raw values without a calibration: contacts, and what is left of it."""
     from skinmap.live.response.pressures import RestBaseline
 
     rng = np.random.default_rng(3)
-    part = "torso"
-    own = JoinedSkin({part: skin.skins[part]})
+    part = skin.skin.part
+    own = JoinedSkin({part: skin})
     gains = np.clip(rng.normal(1.0, 0.15, len(own)), 0.4, 1.6)
     shares = finger(own, part, own.positions[100])
     response = RestBaseline(own.part_of, 50.0)
@@ -316,4 +308,4 @@ def follow(loop: TouchLoop, seconds: float) -> dict[str, Any]:
 
 
 if __name__ == "__main__":
-    main()
+    command(measure, __doc__, "live")

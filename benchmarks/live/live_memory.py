@@ -1,31 +1,42 @@
-"""Memory of the live loop over many samples, and whether its end is that of a fresh start.
-
-`python -m benchmarks.live.live_memory --samples 4320000` (a day at 50 Hz) prints one JSON object.
-"""
+"""Memory of the live loop over many samples, and whether its end is that of a fresh start."""
 
 from __future__ import annotations
 
-import argparse
-import json
 import time
 from collections import deque
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+import skinmap
+from benchmarks.harness.timing import memory_mb
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.simulated_source import SimulatedSource
 from skinmap.live.sources.source import SourceEnded, StreamInfo
-from skinmap.recognition.classifier import TouchClassifier
+from skinmap.recognition.classifier import TouchClassifier, classifiers
+from skinmap.recognition.descriptors import Touch
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.simulation.simulator import simulate
 
-PAGE = 4096
 TAIL = 500  # moments that are compared with those of a fresh start
+TAUGHT = ("torso", "right_forearm")  # parts that a classifier learns on
+
+
+def train(
+    skins: dict[str, PreparedSkin], name: str = "contact-geometry", each: int = 16
+) -> TouchClassifier:
+    """A classifier that learnt on two parts."""
+    rng = np.random.default_rng(2)
+    touches = [
+        Touch(skins[part], samples, label, rate=50.0)
+        for part in TAUGHT
+        for _, label, samples in simulate(skins[part].skin, rng=rng, per_gesture=each).touches()
+    ]
+    return classifiers.get(name)().fit(touches, rng=rng)
 
 
 def soak(
@@ -62,10 +73,10 @@ def soak(
         moments += 1
         ended += len(loop.finished())
         if moments == steady:
-            early = resident_mb()
+            early = memory_mb()
         if moments >= steady and moments % 1000 == 0:
-            most = max(most, resident_mb() - early)
-    resident = resident_mb()
+            most = max(most, memory_mb() - early)
+    resident = memory_mb()
     spent = time.process_time() - start
     # Begun where the minute begins, before any touch: a loop that is begun within one takes it for
     # the skin's rest, and finds other contacts for a while.
@@ -106,23 +117,8 @@ class Repeated:
         return self._values[places % len(self._values)]
 
 
-def resident_mb() -> float:
-    """Resident memory of this process [MB]."""
-    return int(Path("/proc/self/statm").read_text().split()[1]) * PAGE / 1e6
-
-
-def main() -> None:
-    """Print the figures of a long loop."""
-    import skinmap
-    from benchmarks.live.live_speed import train
-
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--samples", type=int, default=4_320_000)
-    samples = parser.parse_args().samples
+def soak_icub(samples: int) -> dict[str, Any]:
+    """The same of the whole iCub."""
     robot = skinmap.load_robot("icub")
     skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
-    print(json.dumps(soak(robot, skins, train(skins), samples)))
-
-
-if __name__ == "__main__":
-    main()
+    return soak(robot, skins, train(skins), samples)

@@ -1,15 +1,12 @@
 """What recordings cost and survive: size, speed, kill -9 at random moments, a full disk.
 
-`python -m benchmarks.live.recordings` prints one JSON object; `measure` is part of
-`make bench-live`, and `make soak` runs it with 50 kills. A child process plays simulated samples
-of the whole iCub at 50 Hz into a recorder and reports each sample that it has handed over through
-a pipe.
+`measure` is part of `make bench-live`, and `make soak` runs it with 50 kills. A child process plays
+simulated samples of the whole iCub at 50 Hz into a recorder and reports each sample that it has
+handed over through a pipe.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import os
 import resource
 import select
@@ -38,32 +35,6 @@ WAIT = 300.0  # for a child to start [s]
 LAST = 19  # the lowest priority of all
 BUSY = "while True: pass"
 REPORT = struct.Struct("<I")
-
-
-def main() -> None:
-    """Print all figures, or be a child that is killed."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--child", nargs=2, type=Path, metavar=("SAMPLES", "FILE"))
-    parser.add_argument("--last", action="store_true", help="of a child: give way to all others")
-    parser.add_argument("--kills", type=int, default=50)
-    parser.add_argument(
-        "--beside",
-        type=int,
-        default=0,
-        metavar="N",
-        help="busy programs beside recorders that have the lowest priority",
-    )
-    parser.add_argument("--minutes", type=float, default=MINUTES)
-    parser.add_argument("--seed", type=int, default=0)
-    arguments = parser.parse_args()
-    if arguments.child:
-        record_until_killed(*arguments.child, last=arguments.last)
-        return
-    found = measure(
-        kills=arguments.kills, minutes=arguments.minutes, seed=arguments.seed,
-        beside=arguments.beside,
-    )  # fmt: skip
-    print(json.dumps(found, indent=2))
 
 
 def measure(
@@ -186,7 +157,7 @@ def kill_once(
     child = subprocess.Popen(
         [
             sys.executable, "-m", "benchmarks.live.recordings",
-            "--child", str(stored.resolve()), str(path.resolve()), *["--last"] * last,
+            str(stored.resolve()), str(path.resolve()), *["--last"] * last,
         ],
         stdout=subprocess.PIPE,
         cwd=ROOT,
@@ -289,5 +260,5 @@ def fill_disk(folder: Path, samples: NDArray[np.uint8], *, room: int = 500_000) 
     }
 
 
-if __name__ == "__main__":
-    main()
+if __name__ == "__main__":  # a child that is killed
+    record_until_killed(Path(sys.argv[1]), Path(sys.argv[2]), last="--last" in sys.argv)

@@ -11,7 +11,6 @@ import contextlib
 import dataclasses
 import hashlib
 import os
-import resource
 import signal
 import sys
 import tempfile
@@ -26,6 +25,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from benchmarks import ROOT
+from benchmarks.harness.timing import peak_mb
 from skinmap.errors import SkinError, SkinWarning
 
 if TYPE_CHECKING:
@@ -126,12 +126,6 @@ def resident_mb() -> float:
     with contextlib.suppress(OSError):  # where the mark cannot be set back the peak stays
         Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
     return peak_mb()
-
-
-def peak_mb() -> float:
-    """Most memory of this process since [MB]."""
-    kilobytes = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    return kilobytes / 1024
 
 
 def _examine(name: str, places: int, seed: int) -> dict[str, Any]:

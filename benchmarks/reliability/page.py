@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from benchmarks import ROOT
-from benchmarks.harness.record import RESULTS
+from benchmarks.harness.record import RESULTS, table
 
 PAGE = ROOT / "docs" / "reliability.md"
 NOT_RUN = ("not measured here", "")
@@ -38,8 +38,7 @@ def page(found: Mapping[str, Any], text: str) -> str:
         "(`benchmarks/results/reliability.json`).",
         "Faults are those that the runs themselves count.", "",
         "## Measured", "",
-        "| promise | test | figure | date, commit |", "|---|---|---|---|",
-        *(f"| {' | '.join(row)} |" for row in rows(found)), "",
+        *table(("promise", "test", "figure", "date, commit"), rows(found)), "",
         text.rstrip(), "",
         *_kinds(found.get("cuts")),
     ]  # fmt: skip
@@ -58,15 +57,13 @@ def rows(found: Mapping[str, Any]) -> list[tuple[str, str, str, str]]:
 def _kinds(cuts: Mapping[str, Any] | None) -> list[str]:
     if cuts is None:
         return []
-    lines = [
-        "| kind | files | whole | said | refused | changed | checksum | faults |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
-    for name, row in cuts["kinds"].items():
-        numbers = (row[key] for key in ("files", "whole", "said", "refused", "changed"))
-        cells = [*map(str, numbers), "yes" if row["checked"] else "none", str(len(row["faults"]))]
-        lines.append(f"| {name} | {' | '.join(cells)} |")
-    return [*lines, ""]
+    counted = ("files", "whole", "said", "refused", "changed")
+    kinds = [
+        (name, *(str(row[key]) for key in counted), "yes" if row["checked"] else "none",
+         str(len(row["faults"])))
+        for name, row in cuts["kinds"].items()
+    ]  # fmt: skip
+    return [*table(("kind", *counted, "checksum", "faults"), kinds), ""]
 
 
 def _locked(one: Mapping[str, Any]) -> dict[str, int]:
@@ -128,8 +125,8 @@ MEASURED = [
      lambda one: f"{one['samples']:,} of the 4,320,000 samples of a day, grown by at most "
      f"{one['most_grown_mb']:.1f} MB, {one['cpu_ms_a_sample']:.2f} ms a sample; its end "
      f"{_end(one)}"),
-    ("window", "The window's memory stays", SOAK, lambda one: _shown(one)),
-    ("page", "The page's server keeps its memory", SOAK, lambda one: _shown(one)),
+    ("window", "The window's memory stays", SOAK, _shown),
+    ("page", "The page's server keeps its memory", SOAK, _shown),
 ]  # fmt: skip
 
 if __name__ == "__main__":

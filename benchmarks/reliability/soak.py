@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import argparse
 import json
-import subprocess
 import sys
 from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
-from benchmarks import ROOT
-from benchmarks.harness.record import RESULTS, commit
+from benchmarks.harness.record import RESULTS, afresh, commit
+from benchmarks.live import live, live_memory, recordings
 from benchmarks.reliability import cuts, full_disk, large, stops
 from benchmarks.reliability.page import rows
+from benchmarks.viewer import page_soak, viewer_soak
 
 FILE = RESULTS / "reliability.json"
 COVERAGE = cuts.CORPUS / "counts.json"
@@ -64,14 +64,6 @@ def _kept() -> dict[str, Any]:
     return json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
 
 
-def _program(*words: str) -> Any:
-    """What a program of the benchmarks prints as JSON."""
-    ran = subprocess.run(
-        [sys.executable, "-m", *words], cwd=ROOT, stdout=subprocess.PIPE, text=True, check=True
-    )
-    return json.loads(ran.stdout)
-
-
 def _coverage(_: bool) -> dict[str, Any]:
     """What the last `make fuzz` tried by coverage."""
     kept: dict[str, Any] = {"seconds": 0, "targets": {}}
@@ -84,33 +76,24 @@ def _coverage(_: bool) -> dict[str, Any]:
 
 def _kills(quick: bool, beside: int) -> dict[str, Any]:
     """Recorders that are killed, and one on a full disk."""
-    kills, minutes = ("1", "0.1") if quick else ("50", "1")
-    words = ("--kills", kills, "--minutes", minutes, "--beside", str(beside))
-    found: dict[str, Any] = _program("benchmarks.live.recordings", *words)
+    found = recordings.measure(
+        kills=1 if quick else 50, minutes=0.1 if quick else 1.0, beside=beside
+    )
     killed = found["kills"]
     lost = killed["most_lost_s"] > killed["goal_s"]
     return {**found, "faults": int(lost) + killed["count"] - killed["opened"]}
 
 
 def _press(quick: bool) -> dict[str, Any]:
-    words = ["benchmarks.live.live", "--only", "press", *["--quick"] * quick]
-    found: dict[str, Any] = _program(*words)
+    found = live.press_of_torso(0.1 if quick else 10.0)
     return {**found, "faults": abs(found["contacts"] - 1) + found["samples_without"]}
 
 
-def _loop(quick: bool) -> dict[str, Any]:
-    samples = 1500 if quick else SAMPLES
-    found: dict[str, Any] = _program("benchmarks.live.live_memory", "--samples", str(samples))
-    grown, other = found["most_grown_mb"] > MOST_GROWN_MB, not found["same_as_fresh"]
-    return {**found, "faults": int(grown) + int(other)}
-
-
-def _shown(program: str, quick: bool) -> dict[str, Any]:
-    """Window or page, over many updates."""
-    updates = 500 if quick else UPDATES
-    found: dict[str, Any] = _program(program, "--updates", str(updates))
-    grown, other = found["grown_mb"] > MOST_WINDOW_MB, not found["same_as_fresh"]
-    return {**found, "faults": int(grown) + int(other)}
+def _long(work: Callable[[int], dict[str, Any]], count: int, most_mb: float) -> dict[str, Any]:
+    """Loop, window or page over many samples, in a process whose memory is its alone."""
+    found: dict[str, Any] = afresh(work, count)
+    grown = found.get("most_grown_mb", found["grown_mb"]) > most_mb
+    return {**found, "faults": int(grown) + int(not found["same_as_fresh"])}
 
 
 PARTS: dict[str, Part] = {
@@ -129,9 +112,11 @@ PARTS: dict[str, Part] = {
     "kills": lambda quick: _kills(quick, 0),
     "kills beside": lambda quick: _kills(quick, 3),
     "press": _press,
-    "loop": _loop,
-    "window": lambda quick: _shown("benchmarks.viewer.viewer_soak", quick),
-    "page": lambda quick: _shown("benchmarks.viewer.page_soak", quick),
+    "loop": lambda quick: _long(live_memory.soak_icub, 1500 if quick else SAMPLES, MOST_GROWN_MB),
+    "window": lambda quick: _long(
+        viewer_soak.soak_torso, 500 if quick else UPDATES, MOST_WINDOW_MB
+    ),
+    "page": lambda quick: _long(page_soak.soak, 500 if quick else UPDATES, MOST_WINDOW_MB),
 }
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import ROOT
+from benchmarks.harness.timing import process_table
 
 EACH = 3  # stops of each command by each signal
 GONE = 5.0  # seconds until no process may be left
@@ -48,20 +49,17 @@ class Long:
         What stands behind `skinmap`; OUT is where the result goes, IN where inputs lie.
     needs : str
         Input that is made before: the name of another command here, or "".
-    live : bool
-        It ends with its summary and 0 when it is stopped, and what it wrote until then stays.
     """
 
     words: tuple[str, ...]
     needs: str = ""
-    live: bool = False
 
 
 BOARD = str(ROOT / "docs" / "examples" / "board")
 
 
-def _long(line: str, **given: Any) -> Long:
-    return Long(tuple(line.split()), **given)
+def _long(line: str, needs: str = "") -> Long:
+    return Long(tuple(line.split()), needs)
 
 
 COMMANDS = {
@@ -78,7 +76,7 @@ COMMANDS = {
     "calibrate selftouch": _long(
         f"calibrate selftouch {BOARD}/selftouch --robot icub --calibrate left_forearm -o OUT"
     ),
-    "record": _long("record sim --seconds 2 -o OUT.mcap", live=True),
+    "record": _long("record sim --seconds 2 -o OUT.mcap"),
 }
 
 
@@ -298,11 +296,13 @@ def opens(result: Path, names: frozenset[str] = frozenset()) -> bool:
         if not there or names:
             return not there or there >= names
         return any(Path(name).suffix in (".html", ".json", ".toml") for name in there)
-    readers: Mapping[str, Callable[[Path], object]] = {".skinmodel": load_classifier}
+    read: Callable[[Path], object] = open_track
+    if result.suffix == ".skinmodel":
+        read = load_classifier
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            readers.get(result.suffix, open_track)(result)
+            read(result)
     except SkinError:
         return False
     return True
@@ -370,12 +370,5 @@ def left_of(session: int) -> list[int]:
 
 
 def _members(session: int) -> list[int]:
-    found = []
-    for entry in Path("/proc").glob("[0-9]*"):
-        try:
-            fields = (entry / "stat").read_text(encoding="utf-8").rpartition(")")[2].split()
-        except OSError:  # it ended meanwhile
-            continue
-        if int(fields[3]) == session and fields[0] != "Z":
-            found.append(int(entry.name))
-    return found
+    every = process_table().items()
+    return [pid for pid, fields in every if int(fields[3]) == session and fields[0] != "Z"]

@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import ctypes
 import json
-import resource
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 from benchmarks import ROOT
-from benchmarks.harness.record import RESULTS, command
-from benchmarks.harness.timing import quartiles, timed
+from benchmarks.harness.record import RESULTS, afresh, command, table
+from benchmarks.harness.timing import peak_mb, quartiles, timed
 
 TURNS = 5
 SIZE = (1024, 768)  # of a picture [px]
@@ -38,6 +35,8 @@ WHATS: dict[str, tuple[tuple[int, ...], str]] = {
     "taxels": (TAXELS, "One sheet of so many taxels, meshed and flattened"),
 }
 PAGE = ROOT / "docs" / "needs.md"
+RESULT = RESULTS / "needs.json"
+HEADS = ("case", "taxels", "CPU [s]", "quartiles", "memory [MB]")
 HEAD = """# Only what a scene needs
 
 Time and memory grow with what is asked for, and nothing else is loaded, meshed, flattened or
@@ -74,10 +73,8 @@ def measure(quick: bool, *, turns: int = TURNS) -> dict[str, Any]:
 
 def apart(what: str, case: int) -> dict[str, float]:
     """Time and memory of one case, from a process of its own."""
-    context = get_context("forkserver")
-    context.set_forkserver_preload(list(IMPORTS))
-    with ProcessPoolExecutor(1, context) as pool:
-        return pool.submit(measured, what, case).result()
+    found: dict[str, float] = afresh(measured, what, case, preload=IMPORTS)
+    return found
 
 
 def measured(what: str, case: int) -> dict[str, float]:
@@ -103,11 +100,6 @@ def map_libraries() -> None:
         if len(fields) > 5 and fields[1].startswith("r") and fields[5].startswith("/"):
             first, last = (int(one, 16) for one in fields[0].split("-"))
             madvise(first, last - first, POPULATE_READ)
-
-
-def peak_mb() -> float:
-    """Largest resident size of this process so far [MB]."""
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
 def _row(what: str, case: int, runs: list[dict[str, float]]) -> dict[str, Any]:
@@ -192,27 +184,23 @@ def page_of(result: Mapping[str, Any]) -> str:
         )
     ]  # fmt: skip
     for what, (_, text) in WHATS.items():
-        rows = [row for row in cases if row["what"] == what]
-        lines += [f"## {what.capitalize()}", "", f"{text}.", "", *_table(rows), ""]
+        rows = [_cells(row) for row in cases if row["what"] == what]
+        lines += [f"## {what.capitalize()}", "", f"{text}.", "", *table(HEADS, rows), ""]
     return "\n".join(lines)
 
 
-def _table(rows: Sequence[Mapping[str, Any]]) -> Iterator[str]:
-    yield "| case | taxels | CPU [s] | quartiles | memory [MB] |"
-    yield "|---|---|---|---|---|"
-    for row in rows:
-        spread = " to ".join(f"{one:.3f}" for one in (row["spread_s"] or ())[::2])
-        yield (
-            f"| {row['case']} | {row['taxels']:,.0f} | {row['cpu_s']:.3f} | {spread} "
-            f"| {row['mb']:.0f} |"
-        )
+def _cells(row: Mapping[str, Any]) -> tuple[str, ...]:
+    spread = " to ".join(f"{one:.3f}" for one in (row["spread_s"] or ())[::2])
+    return (
+        row["case"], f"{row['taxels']:,.0f}", f"{row['cpu_s']:.3f}", spread, f"{row['mb']:.0f}"
+    )  # fmt: skip
 
 
-def write_page(result: Mapping[str, Any]) -> None:
-    """Write docs/needs.md."""
-    PAGE.write_text(page_of(result), encoding="utf-8")
+def write_page() -> None:
+    """Write docs/needs.md from the kept rows."""
+    PAGE.write_text(page_of(json.loads(RESULT.read_text(encoding="utf-8"))), encoding="utf-8")
 
 
 if __name__ == "__main__":
-    if (target := command(measure, __doc__, "needs")) == RESULTS / "needs.json":
-        write_page(json.loads(target.read_text(encoding="utf-8")))
+    if command(measure, __doc__, "needs") == RESULT:
+        write_page()

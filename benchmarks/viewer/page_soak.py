@@ -1,14 +1,11 @@
 """Many updates of one page: what the server's memory grows by, and whether it ends as it began.
 
-`python -m benchmarks.viewer.page_soak --updates 200000` prints one JSON object. A child process
-takes the samples as a page does, as fast as they come, and says of each that it is drawn; what a
-browser itself takes is not looked at.
+A child process takes the samples as a page does, as fast as they come, and says of each that it is
+drawn; what a browser itself takes is not looked at.
 """
 
 from __future__ import annotations
 
-import argparse
-import json
 import subprocess
 import sys
 import threading
@@ -17,7 +14,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import skinmap
-from benchmarks.viewer.viewer_soak import WARM, Live, memory_mb, moments
+from benchmarks.harness.timing import memory_mb
+from benchmarks.viewer.viewer_soak import WARM, Live, moments
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.layers import Layers
 from viewer.playing.player import Player
@@ -92,14 +90,3 @@ def _same(server: WebServer, robot: Any, skins: dict[str, PreparedSkin]) -> bool
     fresh = SampleWriter(make_scene(robot, skins, links=[LINK]), Layers(skins))
     last, layer = hub._moment, Layers(skins).get("pressure")
     return hub._writer.write(last, layer, {}) == fresh.write(last, layer, {})
-
-
-def main() -> None:
-    """Serve many updates and print what they cost."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--updates", type=int, default=200_000)
-    print(json.dumps(soak(parser.parse_args().updates)))
-
-
-if __name__ == "__main__":
-    main()

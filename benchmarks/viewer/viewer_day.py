@@ -10,9 +10,7 @@ the machine's load average is kept with them.
 
 from __future__ import annotations
 
-import json
 import os
-import resource
 import sys
 import tempfile
 import time
@@ -22,7 +20,8 @@ from typing import Any
 import numpy as np
 
 import skinmap
-from benchmarks.harness.record import RESULTS
+from benchmarks.harness.record import RESULTS, afresh, write
+from benchmarks.harness.timing import peak_mb, timed
 from skinmap.io.mcap.writing import McapRecording
 from viewer.playing.overview import fill_overview
 from viewer.playing.player import Player
@@ -41,24 +40,17 @@ def write_day(path: Path, hours: float) -> int:
     made = skinmap.simulate(skin, per_gesture=6, rng=0)
     touches = [samples for _, _, samples in made.touches()]
     rest = np.zeros((1, len(skin)), np.uint8)
-    count, stop = 0, int(hours * 3600 * RATE)
     file = McapRecording(
         path, parts=["torso"], widths={"pressure": [len(skin)]}, rate=RATE, robot=robot.name,
         manifest=robot.origin, skins={"torso": skin}, chunk_seconds=10.0,
     )  # fmt: skip
-    row = 0
-    while row < stop:
-        block = touches[count % len(touches)]
-        begin = row + (20 + count % 15) * RATE
-        for k in range(row, min(begin, stop)):
-            file.add("pressure", k / RATE, rest[0])
-        for k, values in enumerate(block, begin):
-            if k < stop:
-                file.add("pressure", k / RATE, values)
-        for k in range(begin + len(block), min(row + EVERY * RATE, stop)):
-            file.add("pressure", k / RATE, rest[0])
-        row += EVERY * RATE
-        count += 1
+    count, every = int(hours * 3600) // EVERY, EVERY * RATE
+    for number in range(count):
+        values = np.repeat(rest, every, axis=0)
+        block, begin = touches[number % len(touches)], (20 + number % 15) * RATE
+        values[begin : begin + len(block)] = block
+        for row, sample in enumerate(values, number * every):
+            file.add("pressure", row / RATE, sample)
     file.close()
     return count
 
@@ -105,37 +97,27 @@ def measured(path: Path, hours: float) -> dict[str, Any]:
         found["jump_median_s"] = round(float(np.median(jumps)), 3)
         found["jump_largest_s"] = round(max(jumps), 3)
     scene.close()
-    found["peak_rss_gb"] = round(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20, 2)
+    found["peak_rss_gb"] = round(peak_mb() / 1024, 2)
     return found
 
 
 def main() -> None:
     """Write, measure each file in a process of its own, keep what was found."""
-    if len(sys.argv) > 2:
-        print(json.dumps(measured(Path(sys.argv[1]), float(sys.argv[2]))))
-        return
-    import subprocess
-
     hours = float(sys.argv[1]) if len(sys.argv) > 1 else 24.0
     with tempfile.TemporaryDirectory() as folder:
         day, bare = Path(folder) / "day.mcap", Path(folder) / "bare.mcap"
-        started = time.perf_counter()
-        touches = write_day(day, hours)
+        touches, _, seconds = timed(lambda: write_day(day, hours))
         kept: dict[str, Any] = {
             "hours": hours, "touches": touches, "load_average": os.getloadavg()[0],
-            "written_s": round(time.perf_counter() - started),
-            "file_mb": day.stat().st_size // 10**6,
+            "written_s": round(seconds), "file_mb": day.stat().st_size // 10**6,
         }  # fmt: skip
         data = day.read_bytes()
         bare.write_bytes(data[: data.rindex(b"overview.csv") - 60])  # as after kill -9
         del data
         for name, path in (("with_overview", day), ("without_overview", bare)):
-            command = [sys.executable, "-m", "benchmarks.viewer.viewer_day", str(path), str(hours)]
-            said = subprocess.run(command, check=True, capture_output=True, text=True).stdout
-            kept[name] = json.loads(said.strip().splitlines()[-1])
+            kept[name] = afresh(measured, path, hours)
             print(name, kept[name], flush=True)
-    print(json.dumps(kept, indent=1))
-    (RESULTS / "viewer_day.json").write_text(json.dumps(kept, indent=1) + "\n")
+    write(RESULTS / "viewer_day.json", kept)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from skinmap.geometry.rigid import transform_points
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.robot import Part, Robot
 from skinmap.skin.skin import Skin
@@ -112,75 +113,35 @@ def _grid(columns: int, rows: int) -> np.ndarray:
 def good_pyvista(
     robot: Robot, meshes: Mapping[str, SurfaceMesh], *, moving: bool = False
 ) -> Callable[[int], None]:
-    """The robot in PyVista set up well: the skin a sheet, a body of few triangles, no smoothing."""
+    """The robot in PyVista set up well: the skin a sheet, a body of few triangles, no smoothing.
+
+    Other values of all taxels with each call.
+    """
     import pyvista as pv
 
-    plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
-    plotter.disable_anti_aliasing()
-    body = _body(robot)
-    plotter.add_mesh(body.decimate(1.0 - BODY / body.n_cells), color="lightgray")
-    placed = _placed(robot, meshes)
-    starts = np.cumsum([0, *(len(points) for points, _ in placed)])
-    faces = np.concatenate([f + s for (_, f), s in zip(placed, starts, strict=False)])
-    sheet = pv.PolyData.from_regular_faces(np.concatenate([p for p, _ in placed]), faces)
-    draw = _drawn(plotter, sheet, sheet.n_points)
-
-    def turned(number: int) -> None:
-        plotter.camera.Azimuth(1.0)
-        draw(number)
-
-    return turned if moving else draw
-
-
-def _placed(robot: Robot, meshes: Mapping[str, SurfaceMesh]) -> list[tuple[Any, Any]]:
-    """Taxels (n, 3) [m] of each part on the body, and triangles between them."""
-    from skinmap.geometry.rigid import transform_points
-
-    poses = robot.body.poses(robot.pose)
-    return [
-        (transform_points(poses[one.skin.link], one.skin.positions), one.faces)
-        for one in meshes.values()
-    ]
-
-
-def _body(robot: Robot) -> Any:
-    """All links as one mesh."""
-    import pyvista as pv
+    def placed(mesh: Any, link: str) -> Any:
+        points = transform_points(poses[link], mesh.vertices)
+        return pv.PolyData.from_regular_faces(points, mesh.faces)
 
     poses = robot.body.poses(robot.pose)
     links = {link: robot.mesh(link) for link in robot.body.visible_links}
-    return pv.merge(
-        [
-            pv.PolyData.from_regular_faces(mesh.vertices, mesh.faces).transform(
-                poses[link], inplace=False
-            )
-            for link, mesh in links.items()
-            if len(mesh.faces)
-        ]
-    )
-
-
-def _drawn(plotter: Any, skin: Any, taxels: int) -> Callable[[int], None]:
-    """Other values of all taxels with each call."""
-    skin["pressure"] = np.zeros(taxels)
+    body = pv.merge([placed(mesh, link) for link, mesh in links.items() if len(mesh.faces)])
+    first, *others = (placed(one, one.skin.link) for one in meshes.values())
+    skin = first.append_polydata(*others)
+    skin["pressure"] = np.zeros(skin.n_points)
+    plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
+    plotter.disable_anti_aliasing()
+    plotter.add_mesh(body.decimate(1.0 - BODY / body.n_cells), color="lightgray")
     plotter.add_mesh(skin, scalars="pressure", clim=(0, 255))
     plotter.camera_position = "yz"
     plotter.show(auto_close=False)
     rng = np.random.default_rng(0)
-    values = [255 * rng.random(taxels) for _ in range(4)]
+    values = [255 * rng.random(skin.n_points) for _ in range(4)]
 
     def draw(number: int) -> None:
+        if moving:
+            plotter.camera.Azimuth(1.0)
         skin["pressure"][:] = values[number % 4]
         plotter.render()
 
     return draw
-
-
-def empty_window() -> Callable[[int], None]:
-    """A window with nothing in it: what no drawing can be cheaper than."""
-    import pyvista as pv
-
-    plotter = pv.Plotter(off_screen=True, window_size=list(SIZE))
-    plotter.disable_anti_aliasing()
-    plotter.show(auto_close=False)
-    return lambda _: plotter.render()

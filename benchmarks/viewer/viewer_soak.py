@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import argparse
-import json
-import resource
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-# This folder has a calibration.py of its own: the package of that name comes first.
+from benchmarks.harness.timing import memory_mb
+
 PERIOD = 1.0 / 50.0  # of the samples [s]
 WARM = 2_000  # updates until caches are filled
 SIZE = (320, 240)
@@ -42,18 +39,7 @@ def moments(skins: dict[str, Any], seed: int = 0) -> Iterator[Any]:
         number += 1
 
 
-def memory_mb() -> float:
-    """Memory of this process that is in use now [MB]."""
-    pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
-    return pages * resource.getpagesize() / 2**20
-
-
-def soak(
-    scene: Any,
-    updates: int,
-    report: Callable[[str], None] = lambda _: None,
-    fresh: Callable[[], Any] | None = None,
-) -> dict[str, Any]:
+def soak(scene: Any, updates: int, fresh: Callable[[], Any] | None = None) -> dict[str, Any]:
     """Show so many updates, as fast as they can be drawn; and the last in a fresh scene, too."""
     skins = {part: layer.skin for part, layer in scene.layers.items()}
     source = moments(skins)
@@ -64,8 +50,8 @@ def soak(
             before = memory_mb()
         scene.show_moment(next(source))
         scene.refresh()
-        if number % 20_000 == 0:
-            report(f"{number:,} updates, {memory_mb():.1f} MB")
+        if number % 20_000 == 0 and number:
+            print(f"{number:,} updates, {memory_mb():.1f} MB", file=sys.stderr, flush=True)
     told = {
         "updates": updates,
         "cpu_ms_per_update": (time.process_time() - started) / updates * 1e3,
@@ -168,23 +154,11 @@ def ages(scene: Any, seconds: float = 6.0, turn: float = 0.0) -> dict[str, float
     }
 
 
-def main() -> None:
-    """Show many updates and print what they cost."""
+def soak_torso(updates: int) -> dict[str, Any]:
+    """Many updates of the torso of the iCub."""
     from viewer.scene import Scene
-
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--updates", type=int, default=200_000)
-    options = parser.parse_args()
 
     def load() -> Any:
         return Scene.load("icub", ["torso"], links="skin", window_size=SIZE)
 
-    def report(line: str) -> None:
-        print(line, file=sys.stderr, flush=True)
-
-    told = soak(load(), options.updates, report, load)
-    print(json.dumps(told))
-
-
-if __name__ == "__main__":
-    main()
+    return soak(load(), updates, load)

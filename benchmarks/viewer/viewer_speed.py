@@ -7,45 +7,34 @@ updates is `make soak`.
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 import time
 from collections.abc import Callable
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from benchmarks.harness.record import command
-from benchmarks.harness.timing import children_seconds, quartiles
+from benchmarks.harness.record import afresh, command
+from benchmarks.harness.timing import children_seconds, peak_mb, quartiles
 from benchmarks.viewer.viewer_scenes import (
     SIZE,
-    empty_window,
     good_pyvista,
     large_scene,
 )
 from benchmarks.viewer.viewer_soak import ages, moments, soak
 
 REPEATS = 8  # frames of a kind in a round
-GOOD, FLOOR = "PyVista set up well", "floor: empty window"
+GOOD = "PyVista set up well"
 Frame = Callable[[int], object]
-CHILD = """
-import json, resource, sys, time
-def memory(): return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-from skinmap.display import require_opengl
-require_opengl()
-import skinmap, skinmap.io.robots.manifest, skinmap.flat.flat_map, skinmap.surface.surface_mesh
-import lxml.etree, trimesh, igl, icub_models, pyvista.plotting
-from viewer.scene import Scene
-imported, before = time.process_time(), memory()
-wall, links = time.perf_counter(), sys.argv[2]
-parts = None if sys.argv[1] == "all" else [sys.argv[1]]
-scene = Scene.load("icub", parts, links=links, window_size=(1024, 768))
-scene.refresh(360.0)
-print(json.dumps({"imports_s": imported, "first_picture_s": time.process_time() - imported,
-    "first_picture_wall_s": time.perf_counter() - wall, "memory_mb": memory() - before}))
-"""
+# What a first picture imports: in none of its figures.
+IMPORTS = (
+    "skinmap", "skinmap.io.robots.manifest", "skinmap.flat.flat_map",
+    "skinmap.surface.surface_mesh", "lxml.etree", "trimesh", "igl", "icub_models",
+    "pyvista.plotting", "viewer.scene",
+)  # fmt: skip
 
 
 def measure(
@@ -87,15 +76,31 @@ def measure(
 
 def first_picture(parts: str, links: str, repeats: int) -> dict[str, Any]:
     """Medians over fresh processes; nothing is kept from one to the next."""
-    runs = []
-    for _ in range(repeats):
-        child = [sys.executable, "-c", CHILD, parts, links]
-        done = subprocess.run(child, capture_output=True, text=True, check=True)
-        runs.append(json.loads(done.stdout.splitlines()[-1]))
+    runs = [afresh(first_figures, parts, links) for _ in range(repeats)]
     row: dict[str, Any] = {key: float(np.median([run[key] for run in runs])) for key in runs[0]}
     if len(runs) > 1:
         row["first_picture_quartiles_s"] = quartiles([run["first_picture_s"] for run in runs])
     return {"parts": parts, "links": links, **row}
+
+
+def first_figures(parts: str, links: str) -> dict[str, float]:
+    """Times [s] and memory [MB] of a first picture in this process, which has drawn nothing yet."""
+    from skinmap.display import require_opengl
+
+    require_opengl()
+    for name in IMPORTS:
+        import_module(name)
+    imported, before, wall = time.process_time(), peak_mb(), time.perf_counter()
+    scene = import_module("viewer.scene").Scene.load(
+        "icub", None if parts == "all" else [parts], links=links, window_size=SIZE
+    )
+    scene.refresh(360.0)
+    return {
+        "imports_s": imported,
+        "first_picture_s": time.process_time() - imported,
+        "first_picture_wall_s": time.perf_counter() - wall,
+        "memory_mb": peak_mb() - before,
+    }
 
 
 def help_seconds(repeats: int) -> float:
@@ -117,7 +122,6 @@ def frame_rows(rounds: int, *, large: bool) -> list[dict[str, Any]]:
     scene = _icub(None, SIZE)
     meshes = {part: layer.mesh for part, layer in scene.layers.items()}
     kinds: dict[str, Frame] = {
-        FLOOR: empty_window(),
         GOOD: good_pyvista(scene.robot, meshes),
         f"{GOOD}, moving": good_pyvista(scene.robot, meshes, moving=True),
         "iCub at rest, all taxels change": changing(scene),
@@ -131,9 +135,9 @@ def frame_rows(rounds: int, *, large: bool) -> list[dict[str, Any]]:
 
 
 def large_rows(rounds: int) -> list[dict[str, Any]]:
-    """The same of planted skins of 20,000 and 100,000 taxels, with the floor of then."""
+    """The same of planted skins of 20,000 and 100,000 taxels."""
     scenes: list[Any] = []
-    kinds: dict[str, Frame] = {f"{FLOOR}, beside large skins": empty_window()}
+    kinds: dict[str, Frame] = {}
     for n in (20_000, 100_000):
         scenes += [large_scene(n), large_scene(n, panel=True)]
         kinds[f"{n:,} taxels at rest, all change"] = changing(scenes[-2])

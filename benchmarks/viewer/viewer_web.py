@@ -13,7 +13,6 @@ import os
 import shutil
 import time
 from collections.abc import Iterator
-from pathlib import Path
 from statistics import median
 from typing import Any
 
@@ -21,6 +20,7 @@ import numpy as np
 
 import skinmap
 from benchmarks.harness.record import command
+from benchmarks.harness.timing import process_table
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -34,6 +34,7 @@ ARGUMENTS = (
 )  # fmt: skip
 SIZE = {"width": 1024, "height": 768}
 DRAWN = "body[data-drawn]:not([data-drawn='0'])"
+NOW = "[performance.now(), skinmap.stats.drawn]"
 PATIENCE = 90_000  # [ms]
 TICKS = os.sysconf("SC_CLK_TCK")
 RATE = 50.0  # samples a second
@@ -118,62 +119,42 @@ def ours(
         row = watch(browser, server.url, seconds)
         hub = server.hub
         row["server_cpu_ms_per_sample"] = 1e3 * hub.seconds / max(hub.samples_written, 1)
-        row["scene_mb"] = len(hub.scene.packed) / 1e6
     return row | {"load_average": os.getloadavg()[0]}
 
 
 def watch(chromium: Any, url: str, seconds: float) -> dict[str, float]:
     """Figures of the page, which counts its updates and bytes itself."""
-    page = chromium.new_page(viewport=SIZE)
-    started, browser, own = time.perf_counter(), browser_seconds(os.getpid()), time.process_time()
+    page, spent = chromium.new_page(viewport=SIZE), browser_seconds()
+    started = time.perf_counter()
     page.goto(url)
     page.wait_for_selector(DRAWN, timeout=PATIENCE)
     found = {
         "complete_s": time.perf_counter() - started,
-        "complete_chromium_cpu_s": browser_seconds(os.getpid()) - browser,
-        "complete_server_cpu_s": time.process_time() - own,
+        "complete_chromium_cpu_s": browser_seconds() - spent,
     }
     page.wait_for_timeout(1000)
-    found["complete_by_its_clock_s"] = page.evaluate("skinmap.stats.complete") / 1e3
-    found |= _counted(page, seconds)
+    # Updates a second by the page's own clock, and Chromium's CPU time for one.
+    cpu, (began, before) = browser_seconds(), page.evaluate(NOW)
+    page.wait_for_timeout(1000 * seconds)
+    (ended, after), spent = page.evaluate(NOW), browser_seconds() - cpu
     bytes_, samples = page.evaluate("[skinmap.stats.bytes, skinmap.stats.samples]")
     page.close()
-    return {"bytes_per_sample": bytes_ / max(samples, 1), **found}
-
-
-def _counted(page: Any, seconds: float) -> dict[str, float]:
-    """Updates a second, and Chromium's CPU time for one."""
-    cpu, (began, before) = browser_seconds(os.getpid()), _now(page)
-    page.wait_for_timeout(1000 * seconds)
-    (ended, after), spent = _now(page), browser_seconds(os.getpid()) - cpu
     return {
+        **found,
+        "bytes_per_sample": bytes_ / max(samples, 1),
         "drawn_per_s": 1e3 * (after - before) / (ended - began),
         "chromium_cpu_ms_per_update": 1e3 * spent / max(after - before, 1),
     }
 
 
-def _now(page: Any) -> tuple[float, float]:
-    """The page's clock [ms] and the updates that it has drawn."""
-    ms, count = page.evaluate("[performance.now(), skinmap.stats.drawn]")
-    return ms, count
-
-
-def browser_seconds(root: int) -> float:
-    """CPU time of all that a process started [s]."""
-    parents, spent = {}, {}
-    for folder in Path("/proc").iterdir():
-        if folder.name.isdigit():
-            try:
-                fields = (folder / "stat").read_text().rpartition(")")[2].split()
-            except OSError:
-                continue  # it has ended meanwhile
-            parents[int(folder.name)] = int(fields[1])
-            spent[int(folder.name)] = (int(fields[11]) + int(fields[12])) / TICKS
-    ours, new = {root}, {root}
+def browser_seconds() -> float:
+    """CPU time of all that this process started [s]."""
+    table = process_table()
+    ours = new = {os.getpid()}
     while new:
-        new = {pid for pid, parent in parents.items() if parent in new} - ours
-        ours |= new
-    return sum(spent.get(pid, 0.0) for pid in ours - {root})
+        new = {pid for pid, fields in table.items() if int(fields[1]) in new} - ours
+        ours = ours | new
+    return sum(int(table[pid][k]) for pid in ours - {os.getpid()} for k in (11, 12)) / TICKS
 
 
 if __name__ == "__main__":

@@ -8,17 +8,17 @@ import click
 
 from skinmap.commands.retired import NamedGroup
 
-# name: (module beside this one, its command there, one line for the list)
+# Name of a command, of the module beside this one, and of the command there: one line for the list.
 COMMANDS = {
-    "wrap": ("wrap", "wrap", "A flat board on its link, by a few anchors or touches."),
-    "batch": ("batch", "batch", "Many boards, on several cores or machines."),
-    "selftouch": ("selftouch", "selftouch", "By skin that touches skin."),
-    "plane": ("plane", "plane", "By presses on a table."),
-    "scan": ("scan", "scan", "A 3D scan of the link to its mesh."),
-    "wrench": ("wrench", "wrench", "By the lines of forces that were felt."),
-    "load": ("load", "load", "Pressures in bar, with intervals."),
-    "rest": ("rest", "rest", "The zero of a load calibration anew."),
-    "response": ("response", "response", "Baselines, gains, health of taxels."),
+    "wrap": "A flat board on its link, by a few anchors or touches.",
+    "batch": "Many boards, on several cores or machines.",
+    "selftouch": "By skin that touches skin.",
+    "plane": "By presses on a table.",
+    "scan": "A 3D scan of the link to its mesh.",
+    "wrench": "By the lines of forces that were felt.",
+    "load": "Pressures in bar, with intervals.",
+    "rest": "The zero of a load calibration anew.",
+    "response": "Baselines, gains, health of taxels.",
 }
 
 
@@ -35,14 +35,13 @@ class LazyCommands(NamedGroup):
         name = "wrap" if cmd_name == "touch" else cmd_name
         if name not in COMMANDS:
             return None
-        module, attribute, _ = COMMANDS[name]
-        command: click.Command = getattr(importlib.import_module(f"{__name__}.{module}"), attribute)
+        command: click.Command = getattr(importlib.import_module(f"{__name__}.{name}"), name)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands without importing them."""
         with formatter.section("Commands"):
-            formatter.write_dl([(name, COMMANDS[name][2]) for name in self.list_commands(ctx)])
+            formatter.write_dl([*COMMANDS.items()])
 
 
 @click.group(

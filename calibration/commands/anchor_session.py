@@ -285,7 +285,7 @@ class AnchorSession:
             solution = self.solve()
         with staged_folder(out) as stage:
             solved = solution.solved
-            files = [] if solved is None else solved.save(stage, output).files
+            files = [] if solved is None else solved.save(stage, accept=output.accept).files
             good = "taxels.csv" in files
             if self.anchors:
                 files = [*files, ANCHORS if good else REFUSED_ANCHORS]

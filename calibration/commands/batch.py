@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, cast
+from typing import TYPE_CHECKING, Literal, cast
 
 import click
 import msgspec
@@ -119,7 +119,7 @@ def batch(
         spread.open("calibrate batch") as workers,
         progress(len(rows), "calibrate") as advance,
     ):
-        patches = calibrate_batch(rows, output, stage, workers=workers, progress=advance)
+        patches = calibrate_batch(rows, output.accept, stage, workers=workers, progress=advance)
     result = BatchResult(statuses=Counter(patch.status for patch in patches), patches=patches)
     bad = set(result.statuses) - {OK}
     verdict = Verdict("failed" if bad else OK, accepted=output.accept and FAILED not in bad)
@@ -190,12 +190,12 @@ class BatchTask:
 
     name: str
     evidence: PatchTask | str
-    output: Outputs
+    accept: bool
 
 
 def calibrate_batch(
     rows: Mapping[str, PatchFiles],
-    output: Outputs,
+    accept: bool,
     folder: Path,
     *,
     workers: Workers,
@@ -205,19 +205,18 @@ def calibrate_batch(
     from skinmap.parallel.run import each_result
 
     found: dict[int, BatchPatch] = {}
-    tasks = _tasks(rows, replace(output, out=None))
+    tasks = _tasks(rows, accept)
     with closing(each_result(_calibrated, tasks, workers=workers, progress=progress)) as results:
-        for place, (printed, files) in results:
-            patch = msgspec.convert(printed, BatchPatch)
+        for place, (patch, files) in results:
             for name, data in files.items():
-                target = folder / patch.patch / name
+                target = folder / name
                 target.parent.mkdir(exist_ok=True)
                 target.write_bytes(data)
             found[place] = patch
     return [found[place] for place in sorted(found)]
 
 
-def _tasks(rows: Mapping[str, PatchFiles], output: Outputs) -> Iterator[BatchTask]:
+def _tasks(rows: Mapping[str, PatchFiles], accept: bool) -> Iterator[BatchTask]:
     """Tasks of the rows, each read when a worker is free for it."""
     from calibration.commands.patch_task import PatchTask
 
@@ -226,23 +225,21 @@ def _tasks(rows: Mapping[str, PatchFiles], output: Outputs) -> Iterator[BatchTas
             evidence: PatchTask | str = PatchTask.load(files)
         except SkinError as error:
             evidence = str(error)
-        yield BatchTask(name, evidence, output)
+        yield BatchTask(name, evidence, accept)
 
 
-def _calibrated(task: BatchTask) -> tuple[dict[str, Any], dict[str, bytes]]:
-    """A `BatchPatch` as plain data, which can be kept, and its files."""
+def _calibrated(task: BatchTask) -> tuple[BatchPatch, dict[str, bytes]]:
+    """A patch, and its files by their names inside `--out`."""
     try:
         if isinstance(task.evidence, str):
             raise SkinError(task.evidence)
         with tempfile.TemporaryDirectory(prefix="skinmap-") as name:
-            solved = task.evidence.solve()
-            found = solved.save(Path(name), task.output)
-            data = {file: (Path(name) / file).read_bytes() for file in found.files}
+            found = task.evidence.solve().save(Path(name), accept=task.accept)
+            data = {f"{task.name}/{one}": (Path(name) / one).read_bytes() for one in found.files}
     except SkinError as error:
-        failed = BatchPatch(patch=task.name, status=FAILED, reasons=[str(error)])
-        return msgspec.to_builtins(failed), {}
-    found = replace(found, files=[f"{task.name}/{file}" for file in found.files])
+        return BatchPatch(patch=task.name, status=FAILED, reasons=[str(error)]), {}
+    found = replace(found, files=[*data])
     patch = BatchPatch(
         patch=task.name, status=found.status, reasons=found.reasons, files=found.files, found=found
     )
-    return msgspec.to_builtins(patch), data
+    return patch, data

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
@@ -10,19 +10,20 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
-from skinmap.commands.options import out_folder, units_option
+from skinmap.commands.options import open_robot, out_folder
 from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.errors import SkinMismatchError
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
     from calibration.commands.results import Calibrated
+    from skinmap.skin.skin import Skin
 
 FILE = click.Path(path_type=Path, dir_okay=False)
 NO_LOSS = "outliers never pull"
 NO_SEED = "the same files always give the same result"
 WORK = "a patch gets the work that its accuracy needs"
 SIGMA_MM = 1.0  # error of a coordinate where no file has it
-SIGMA = "write a column sigma in the file; without one it is 1 mm"
 NO_EFFORT = {"starts": WORK, "steps": WORK, "wrap_detail_mm": WORK, "profile": NO_PROFILE}
 F = TypeVar("F", bound=Callable[..., Any])
 R = TypeVar("R", bound="Calibrated")
@@ -133,56 +134,39 @@ def outputs(
     accept : str
         What `--accept` does.
     """
-    taken = [
-        out_folder(folder, required=required),
-        retired(format="write skinmap export taxels.csv --format icub -o taxels.txt"),
-        click.option("--accept", is_flag=True, help=accept),
-    ]
 
-    def gathered(command: F) -> Any:
+    def add(command: F) -> F:
         @wraps(command)
-        def gather(out: Path | None, accept: bool, as_json: bool, **given: Any) -> Any:
+        def gathered(out: Path | None, accept: bool, as_json: bool, **given: Any) -> Any:
             output = Outputs(out=out, accept=accept, as_json=as_json)
             return command(output=output, **given)
 
-        return gather
-
-    return _with(taken, gathered)
-
-
-def board_options() -> Callable[[F], F]:
-    """A board on its link: the command gets them, with anchors and touches, as `files`."""
-    taken = [
-        click.option(
-            "--layout", "layout_file", type=FILE, required=True,
-            help="Board: CSV `channel,x,y[,module]`.",
-        ),
-        mesh_option,
-        click.option(
-            "--mirror", is_flag=True,
-            help="The board is drawn from its other side: mirror the drawing.",
-        ),
-        units_option("all files"),
-        retired(sigma_mm=SIGMA),
-    ]  # fmt: skip
-    fields = ("layout_file", "mesh_file", "anchors_file", "touches_file", "mirror", "units")
-
-    def gathered(command: F) -> Any:
-        @wraps(command)
-        def gather(**given: Any) -> Any:
-            own = {name.removesuffix("_file"): given.pop(name) for name in fields if name in given}
-            return command(files=PatchFiles(**own), **given)
-
-        return gather
-
-    return _with(taken, gathered)
-
-
-def _with(options: Sequence[Any], gathered: Callable[[F], Any]) -> Callable[[F], F]:
-    def add(command: F) -> F:
-        found = gathered(command)
-        for option in reversed(options):
-            found = option(found)
-        return cast("F", found)
+        found = click.option("--accept", is_flag=True, help=accept)(gathered)
+        found = retired(format="write skinmap export taxels.csv --format icub -o taxels.txt")(found)
+        return cast("F", out_folder(folder, required=required)(found))
 
     return add
+
+
+def skin_options(command: F) -> F:
+    """`--robot` and `--part` of a response: the command gets them as `robot` and `part`."""
+    words = "Only this part of the robot: the result remembers its skin."
+    command = click.option("--part", metavar="PART", help=words)(command)
+    robot: dict[str, Any] = {"default": "icub", "show_default": True, "metavar": "ROBOT"}
+    return click.option("--robot", help="Robot of --part.", **robot)(command)
+
+
+def skin_of(robot: str, part: str | None, count: int) -> Skin | None:
+    """The skin of a part with as many taxels as there are channels; None without a part.
+
+    Raises
+    ------
+    SkinMismatchError
+        Another number of taxels.
+    """
+    if part is None:
+        return None
+    skin = open_robot(robot, (part,))[0].skin(part)
+    if len(skin) != count:
+        raise SkinMismatchError(f"{part!r} has {len(skin)} taxels, the samples {count} channels")
+    return skin

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.calibration_options import FILE, Outputs, outputs
+from calibration.commands.calibration_options import FILE, Outputs, outputs, skin_of, skin_options
 from calibration.commands.results import Calibrated, Spread, judged
-from skinmap.commands.options import Number, open_robot, prints
+from skinmap.commands.options import Number, prints
 from skinmap.commands.progress import progress
 from skinmap.errors import DataFormatError, SkinMismatchError
+from skinmap.summary import first_few
 
 if TYPE_CHECKING:
     from calibration.response.load_fit import LoadFit, Pressed
@@ -101,11 +102,7 @@ class LoadResult(Calibrated):
 
 @click.command("load")
 @click.argument("evidence", nargs=-1, required=True, type=FILE)
-@click.option(
-    "--robot", default="icub", show_default=True, metavar="ROBOT", help="Robot of --part."
-)
-@click.option("--part", metavar="PART",
-              help="Only this part of the robot: the result remembers its skin.")  # fmt: skip
+@skin_options
 @click.option(
     "--area-mm2", type=Number(0.0, 1e4, min_open=True), help="Area of a taxel, for newtons."
 )
@@ -141,24 +138,15 @@ def work(
     """Fit the pressures of a skin."""
     from calibration.response.load_by_wrench import fit_wrench
     from calibration.response.load_fit import fit_load
+    from skinmap.skin.skin import fingerprint
 
-    pressed, marks, skin = [], "", None
-    for path in evidence:
-        pressed.append(_pressed(path, area_mm2))
-        count = pressed[-1].samples.shape[1]
-        if count != pressed[0].samples.shape[1]:
-            raise SkinMismatchError(
-                f"{path} has {count} channels, {evidence[0]} {pressed[0].samples.shape[1]}"
-            )
-    if part is not None:
-        from skinmap.skin.skin import fingerprint
-
-        skin = open_robot(robot, (part,))[0].skin(part)
-        if len(skin) != count:
-            raise SkinMismatchError(
-                f"{part!r} has {len(skin)} taxels, the samples {count} channels"
-            )
-        marks = fingerprint(skin)
+    pressed = [_pressed(path, area_mm2) for path in evidence]
+    counts = [one.samples.shape[1] for one in pressed]
+    for path, count in zip(evidence, counts, strict=True):
+        if count != counts[0]:
+            raise SkinMismatchError(f"{path} has {count} channels, {evidence[0]} {counts[0]}")
+    skin = skin_of(robot, part, counts[0])
+    marks = "" if skin is None else fingerprint(skin)
     start = time.process_time()
     when = max(path.stat().st_mtime for path in evidence)
     if any(one.reference.ndim == 2 for one in pressed):
@@ -173,12 +161,11 @@ def work(
         fit = fit_load(pressed, when=when, area_mm2=area, fingerprint=marks)
     seconds = time.process_time() - start
     found = fit.calibration
-    answered = int(found.answered.sum())
     result = LoadResult(
         status="ok",
         reasons=[],
-        channels=count,
-        answered=answered,
+        channels=counts[0],
+        answered=int(found.answered.sum()),
         dead=fit.dead,
         stray=fit.stray,
         model=found.model,
@@ -231,8 +218,7 @@ def _write(fit: LoadFit, folder: Path) -> list[str]:
 
 
 def _named(channels: list[int]) -> str:
-    more = f" and {len(channels) - MAX_NAMED} more" if len(channels) > MAX_NAMED else ""
-    return (", ".join(map(str, channels[:MAX_NAMED])) + more) or "none"
+    return first_few(channels, MAX_NAMED) or "none"
 
 
 def _clock(row: ClockRow) -> str:

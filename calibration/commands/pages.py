@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -178,7 +178,7 @@ def patch_page(
     """
     rows = {int(channel): row for row, channel in enumerate(board.channels)}
     taxels = np.array([rows[one.channel] for one in result.evidence], np.int64)
-    drawn = board_picture(found, board.layout, board.channels, {kind: taxels})
+    drawn = board_picture(found, board.layout, board.channels, kind, taxels)
     return page(
         title,
         [
@@ -262,7 +262,8 @@ def board_picture(
     found: PatchCalibration,
     layout: FloatArray,
     channels: IntArray,
-    evidence: Mapping[str, IntArray],
+    kind: str,
+    taxels: IntArray,
 ) -> bytes:
     """PNG of the flat board coloured by the predicted error, with the evidence on it.
 
@@ -273,8 +274,10 @@ def board_picture(
         [m].
     channels : (n,) array of int
         Names of the taxels.
-    evidence : mapping of str to (k,) array of int
-        What is known ("anchors"), and at which taxels.
+    kind : str
+        What is known: "anchors" or "touches".
+    taxels : (k,) array of int
+        Where.
     """
     sd = MM * found.predicted_sd
     wide, tall = np.ptp(layout, axis=0)
@@ -284,27 +287,14 @@ def board_picture(
     places = MM * layout
     paint = _paint(sd)
     axis.scatter(*places.T, c=paint.to_rgba(sd), s=26, linewidths=0)
-    for name, taxels in evidence.items():
-        axis.scatter(
-            *places[taxels].T, s=110, facecolors="none", edgecolors="black", linewidths=1.4,
-            label=name,
-        )  # fmt: skip
-        for taxel in taxels[:MAX_NAMED]:
-            axis.annotate(
-                str(channels[taxel]), places[taxel], xytext=(6, 6), textcoords="offset points",
-                fontsize=8,
-            )  # fmt: skip
-    if len(found.next_taxels):
-        following = found.next_taxels
-        axis.scatter(
-            *places[following].T, s=130, marker="s", facecolors="none", edgecolors="#d3202f",
-            linewidths=1.6, label="measure next",
-        )  # fmt: skip
-        for rank, taxel in enumerate(following, start=1):
-            axis.annotate(
-                f"{rank}: {channels[taxel]}", places[taxel], xytext=(6, -13), fontsize=8,
-                textcoords="offset points", color="#d3202f",
-            )  # fmt: skip
+    style = {"s": 110, "linewidths": 1.4, "edgecolors": "black", "label": kind}
+    names = [str(channels[taxel]) for taxel in taxels[:MAX_NAMED]]
+    _ring(axis, places[taxels], names, (6, 6), **style)
+    following = found.next_taxels
+    if len(following):
+        style = {"s": 130, "linewidths": 1.6, "edgecolors": "#d3202f", "label": "measure next"}
+        names = [f"{rank}: {channels[taxel]}" for rank, taxel in enumerate(following, start=1)]
+        _ring(axis, places[following], names, (6, -13), marker="s", **style)
     axis.set_aspect("equal")
     axis.margins(0.08)
     axis.set_xlabel("mm on the board, seen from outside", fontsize=9)
@@ -312,6 +302,18 @@ def board_picture(
     figure.legend(loc="outside lower center", ncols=3, frameon=False, fontsize=9)
     figure.colorbar(paint, ax=axis, shrink=0.8).set_label("predicted error [mm]")
     return picture_bytes(figure)
+
+
+def _ring(
+    axis: Any, places: FloatArray, names: Sequence[str], off: tuple[int, int], **style: Any
+) -> None:
+    """Marks round places (k, 2), and the names of the first of them."""
+    axis.scatter(*places.T, facecolors="none", **style)
+    for place, name in zip(places, names, strict=False):
+        axis.annotate(
+            name, place, xytext=off, textcoords="offset points", fontsize=8,
+            color=style["edgecolors"],
+        )  # fmt: skip
 
 
 def _paint(values: FloatArray) -> Any:

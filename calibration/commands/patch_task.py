@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from calibration.commands.calibration_options import Outputs, PatchFiles
+from calibration.commands.calibration_options import PatchFiles
 from calibration.commands.results import MM, EvidenceRow, PatchResult, Spread, grade
 from calibration.files.tables import (
     Anchor,
@@ -202,14 +202,10 @@ class SolvedPatch:
         task = self.task
         return patch_page(task.title, self.result, self.found, self.board, task.link, task.kind)
 
-    def save(self, folder: Path, output: Outputs) -> PatchResult:
+    def save(self, folder: Path, *, accept: bool) -> PatchResult:
         """Write tables and report, of a refused patch only the report of why not."""
-        files = write_files(
-            folder,
-            self.result.verdict(accept=output.accept).refused,
-            self.write,
-            lambda _: self.page(),
-        )
+        refused = self.result.verdict(accept=accept).refused
+        files = write_files(folder, refused, self.write, lambda _: self.page())
         return replace(self.result, files=files)
 
 

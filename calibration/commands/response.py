@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.calibration_options import FILE, Outputs, outputs
+from calibration.commands.calibration_options import FILE, Outputs, outputs, skin_of, skin_options
 from calibration.commands.results import Calibrated, Spread, judged
-from skinmap.commands.options import open_robot, prints
+from skinmap.commands.options import prints
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
-from skinmap.errors import SkinMismatchError
 
 if TYPE_CHECKING:
     from calibration.response.response import ResponseCalibration
@@ -72,11 +71,7 @@ class ResponseResult(Calibrated):
 @click.command("response")
 @click.argument("rest", type=FILE)
 @click.option("--reference", type=FILE, help="Samples under known loads: .npz `samples, loads`.")
-@click.option(
-    "--robot", default="icub", show_default=True, metavar="ROBOT", help="Robot of --part."
-)
-@click.option("--part", metavar="PART",
-              help="Only this part of the robot: the result remembers its skin.")  # fmt: skip
+@skin_options
 @outputs("response.npz and the report")
 @retired(
     profile=NO_PROFILE,
@@ -118,24 +113,24 @@ def work(
     from calibration.files.mount_files import rate_of, read_samples, sign_of
     from calibration.response.gain import ReferenceLoads
     from calibration.response.response import RATE, Health, ResponseCalibration
+    from skinmap.skin.skin import fingerprint
 
     arrays = read_samples(rest)
     loads = None
     if reference is not None:
         given = read_samples(reference, ("samples", "loads"))
         loads = ReferenceLoads(given["samples"], given["loads"])
-    modules, fingerprint = arrays.get("modules"), ""
-    if part is not None:
-        modules, fingerprint = _skin_of(robot, part, np.shape(arrays["samples"])[-1])
+    skin = skin_of(robot, part, np.shape(arrays["samples"])[-1])
+    marks = "" if skin is None else fingerprint(skin)
     start = time.process_time()
     found = ResponseCalibration.fit(
         arrays["samples"],
         loads,
         sign=sign_of(arrays, rest),
         rate=rate_of(arrays, rest) or RATE,
-        modules=modules,
+        modules=arrays.get("modules") if skin is None else skin.modules,
         thermal=arrays.get("thermal"),
-        fingerprint=fingerprint,
+        fingerprint=marks,
     )
     seconds = time.process_time() - start
     health = {str(state): int((found.health == state).sum()) for state in Health}
@@ -156,21 +151,10 @@ def work(
         threshold=Spread.of(found.threshold),
         gain=found.gain is not None,
         rate=found.rate,
-        fingerprint=fingerprint,
+        fingerprint=marks,
         seconds=seconds,
     )
     return result, found
-
-
-def _skin_of(robot: str, part: str, count: int) -> tuple[Any, str]:
-    """Modules and fingerprint of a part with as many taxels as there are channels."""
-    from skinmap.skin.skin import fingerprint
-
-    loaded, _ = open_robot(robot, (part,))
-    skin = loaded.skin(part)
-    if len(skin) != count:
-        raise SkinMismatchError(f"{part!r} has {len(skin)} taxels, the samples {count} channels")
-    return skin.modules, fingerprint(skin)
 
 
 def _write(found: ResponseCalibration, folder: Path) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from skinmap.geometry.rigid import transform_points
 
 OVERFIT = 1.5  # times the misses of the fit that unseen touches may miss by
 SLIPPED = 10e-3  # how far a tip may lie from where it was thought to be without a word [m]
-Judged = list[tuple[str, str]]
+Judged = Iterator[tuple[str, str]]
 
 
 def placed(chain: Chain, fit: SelfTouchFit) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -44,7 +44,7 @@ def touched(data: SelfTouchData, fit: SelfTouchFit, name: str) -> BoolArray:
     return count[np.isfinite(chain.taxels).all(axis=1)]
 
 
-def judge(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> Judged:
+def judge(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> list[tuple[str, str]]:
     """Statuses with their reasons, the gravest first; none where all is well."""
     return [
         *_contradictions(fit),
@@ -57,58 +57,51 @@ def judge(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> Judge
 def _contradictions(fit: SelfTouchFit) -> Judged:
     left = [name for name in fit.inconsistent if name not in fit.dropped]
     if not left:
-        return []
+        return
     one = ", ".join(f"{name} (median {MM * fit.medians[name]:.1f} mm)" for name in left)
     own = [name for name in left if name in fit.agreement.senseless]
+    both_stay = "of two the wrong one is unknown, so both stay"
     if own:
         why = (
             f"{one}: poses and touches of {', '.join(own)} do not belong together (wrong joints, "
             "another time, or another robot)"
         )
+        why += f"; {both_stay}" if len(fit.medians) == 2 else ""
     elif len(fit.medians) == 1:
         why = (
             f"{one}: explained only by zeros of joints further off than joints are; a mount that "
             "is not calibrated may be wrong"
         )
     elif len(fit.medians) == 2:
-        why = f"{one} contradict each other; of two the wrong one is unknown, so both stay"
+        why = f"{one} contradict each other; {both_stay}"
     else:
         why = f"{one}: one of them contradicts the others; which one is unknown, so all stay"
-    if own and len(fit.medians) == 2:
-        why += "; of two the wrong one is unknown, so both stay"
-    return [(Status.AMBIGUOUS, why)]
+    yield Status.AMBIGUOUS, why
 
 
 def _unobservable(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> Judged:
-    found: Judged = []
     for name in fit.mounts:
-        chain = data.chains[name]
-        half = pitch_of(chain.taxels) / 2
-        _, places, covariance = placed(chain, fit)
-        sd = float(np.median(predicted(chain, fit)))
+        half = pitch_of(data.chains[name].taxels) / 2
+        _, places, covariance = placed(data.chains[name], fit)
+        sd = float(np.median(predicted(data.chains[name], fit)))
         if sd > half:
-            found.append(
-                (
-                    Status.UNOBSERVABLE,
-                    f"taxels of {name} are known to {MM * sd:.1f} mm only, half a pitch is "
-                    f"{MM * half:.1f} mm; the patch {weak_direction(places, covariance)}"
-                    f"{_with(name, fit)}",
-                )
+            yield (
+                Status.UNOBSERVABLE,
+                f"taxels of {name} are known to {MM * sd:.1f} mm only, half a pitch is "
+                f"{MM * half:.1f} mm; the patch {weak_direction(places, covariance)}"
+                f"{_with(name, fit)}",
             )
     half = min(pitch_of(data.chains[name].taxels) for name in fit.mounts) / 2
     if fit.split_shift > half:
-        found.append(
-            (
-                Status.UNOBSERVABLE,
-                f"taxels move by {MM * fit.split_shift:.1f} mm between fits to two halves, half "
-                f"a pitch is {MM * half:.1f} mm: more touches, in other poses",
-            )
+        yield (
+            Status.UNOBSERVABLE,
+            f"taxels move by {MM * fit.split_shift:.1f} mm between fits to two halves, half "
+            f"a pitch is {MM * half:.1f} mm: more touches, in other poses",
         )
     for name in fit.left_alone:
         if name in asked:
             words = f"{name}: all its recordings were left out, its mount is as it came"
-            found.append((Status.UNOBSERVABLE, words))
-    return found
+            yield Status.UNOBSERVABLE, words
 
 
 def _with(name: str, fit: SelfTouchFit) -> str:
@@ -120,69 +113,58 @@ def _with(name: str, fit: SelfTouchFit) -> str:
 
 
 def _uncovered(data: SelfTouchData, fit: SelfTouchFit) -> Judged:
-    shares = {name: float(touched(data, fit, name).mean()) for name in fit.mounts}
-    return [
-        (
-            Status.LOW_COVERAGE,
-            f"{100 * share:.0f} % of the taxels of {name} were touched, {100 * COVERAGE:.0f} % "
-            "are needed: those far from the others are a guess",
-        )
-        for name, share in shares.items()
-        if share < COVERAGE
-    ]
+    for name in fit.mounts:
+        share = float(touched(data, fit, name).mean())
+        if share < COVERAGE:
+            yield (
+                Status.LOW_COVERAGE,
+                f"{100 * share:.0f} % of the taxels of {name} were touched, {100 * COVERAGE:.0f} % "
+                "are needed: those far from the others are a guess",
+            )
 
 
 def _too_few(fit: SelfTouchFit) -> Judged:
-    if fit.held_out <= OVERFIT * fit.rms_after:
-        return []
-    return [
-        (
+    if fit.held_out > OVERFIT * fit.rms_after:
+        yield (
             Status.AMBIGUOUS,
             f"touches that the fit never saw are missed by {MM * fit.held_out:.1f} mm, those "
             f"it saw by {MM * fit.rms_after:.1f} mm: too few touches",
         )
-    ]
 
 
-def notes_of(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> list[str]:
+def notes_of(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> Iterator[str]:
     """What was left out, what the touches cannot tell, and what deserves a second look."""
     told = fit.unobserved
-    notes = [*data.notes]
+    yield from data.notes
     for name in fit.dropped:
         why = "contradicts the others, which agree without it"
         if name in fit.agreement.senseless:
             why = "its poses and touches do not belong together; the others agree"
-        notes.append(f"{name} was left out: median {MM * fit.medians[name]:.1f} mm, {why}")
+        yield f"{name} was left out: median {MM * fit.medians[name]:.1f} mm, {why}"
     for name in fit.left_alone:
         if name not in asked:
-            notes.append(f"{name} was not calibrated: all its recordings were left out")
+            yield f"{name} was not calibrated: all its recordings were left out"
     for pair, sd in told.together.items():
-        notes.append(
+        yield (
             f"{pair[0]} and {pair[1]} are known to each other; both may move together by "
             f"{MM * sd:.1f} mm: touch one of them with another part, or with a probe"
         )
     for joint, name in told.joints.items():
         other = f"equals a move of {name}" if name else "equals moves of several others together"
-        notes.append(f"the zero of {joint_name(data, joint)} cannot be determined: it {other}")
+        yield f"the zero of {joint_name(data, joint)} cannot be determined: it {other}"
     for recording, name in told.standoffs.items():
         lifted = f"equals a lift of {name}" if name else "equals other moves"
-        notes.append(f"how far skins stand apart in {recording} cannot be determined: it {lifted}")
+        yield f"how far skins stand apart in {recording} cannot be determined: it {lifted}"
     for joint, way in told.still.items():
-        notes.append(
+        yield (
             f"{joint_name(data, joint)} moved by {np.rad2deg(way):.0f} deg only: touch in poses "
             "where it turns further"
         )
-    return [*notes, *_tip_notes(data, fit)]
-
-
-def _tip_notes(data: SelfTouchData, fit: SelfTouchFit) -> list[str]:
-    found = []
     for name, tip in fit.tips.items():
         assumed = data.chains[name].mount[:3, 3]
         way = float(np.linalg.norm(tip - assumed))
         if assumed.any() and way > SLIPPED:
-            found.append(f"the tip of {name} lies {MM * way:.0f} mm from where it was assumed")
-    return found
+            yield f"the tip of {name} lies {MM * way:.0f} mm from where it was assumed"
 
 
 def joint_name(data: SelfTouchData, column: int) -> str:

@@ -181,7 +181,13 @@ def work(data: SelfTouchData, names: Sequence[str] = ()) -> tuple[SelfTouchResul
     """
     import numpy as np
 
-    from calibration.commands.self_touch_words import judge
+    from calibration.commands.self_touch_words import (
+        judge,
+        next_taxels,
+        notes_of,
+        predicted,
+        probe_words,
+    )
     from calibration.mount.skin_contacts import self_touch
 
     skins = tuple(name for name, one in data.chains.items() if not one.is_probe)
@@ -195,28 +201,8 @@ def work(data: SelfTouchData, names: Sequence[str] = ()) -> tuple[SelfTouchResul
         rng=np.random.default_rng(0),
     )
     seconds = time.process_time() - start
-    return _result(data, fit, judge(data, fit, asked), asked, seconds), fit
-
-
-def _chain(data: SelfTouchData, name: str) -> str:
-    """A chain by its name, or by that of the link that only it is on."""
-    on_link = [chain for chain, link in data.links.items() if link == name]
-    return on_link[0] if name not in data.chains and len(on_link) == 1 else name
-
-
-def _result(
-    data: SelfTouchData,
-    fit: SelfTouchFit,
-    found: Sequence[tuple[str, str]],
-    asked: Sequence[str],
-    seconds: float,
-) -> SelfTouchResult:
-    import numpy as np
-
-    from calibration.commands.self_touch_words import next_taxels, notes_of, predicted, probe_words
-
-    sd = {name: float(np.median(predicted(data.chains[name], fit))) for name in fit.mounts}
-    return SelfTouchResult(
+    found = judge(data, fit, asked)
+    result = SelfTouchResult(
         status=grade(found[0][0]) if found else "ok",
         reasons=[reason for _, reason in found],
         robot=data.robot or None,
@@ -227,7 +213,9 @@ def _result(
             before=MM * fit.rms_before, after=MM * fit.rms_after, held_out=MM * fit.held_out
         ),
         split_shift_mm=MM * fit.split_shift,
-        predicted_sd_mm={name: MM * value for name, value in sd.items()},
+        predicted_sd_mm={
+            name: MM * float(np.median(predicted(data.chains[name], fit))) for name in fit.mounts
+        },
         dropped=list(fit.dropped),
         inconsistent=list(fit.inconsistent),
         medians_mm={name: MM * value for name, value in fit.medians.items()},
@@ -238,10 +226,17 @@ def _result(
         joint_offsets_deg={
             name: float(np.rad2deg(value)) for name, value in _offsets(data, fit).items()
         },
-        notes=notes_of(data, fit, asked),
+        notes=list(notes_of(data, fit, asked)),
         next=next_taxels(data, fit),
         seconds=seconds,
     )
+    return result, fit
+
+
+def _chain(data: SelfTouchData, name: str) -> str:
+    """A chain by its name, or by that of the link that only it is on."""
+    on_link = [chain for chain, link in data.links.items() if link == name]
+    return on_link[0] if name not in data.chains and len(on_link) == 1 else name
 
 
 def _offsets(data: SelfTouchData, fit: SelfTouchFit) -> dict[str, float]:
@@ -267,7 +262,8 @@ def _write(data: SelfTouchData, fit: SelfTouchFit, folder: Path) -> list[str]:
 
 def _page(data: SelfTouchData, fit: SelfTouchFit, result: SelfTouchResult) -> str:
     from calibration.commands.pages import PLACED, judged_page, taxel_picture
-    from calibration.commands.self_touch_words import placed, predicted
+    from calibration.commands.self_touch_words import placed, predicted, touched
+    from calibration.patch.patch_status import weak_direction
 
     rows = [
         ("distance of what touched, as it came (rms)", f"{result.rms_mm.before:.2f} mm"),
@@ -280,29 +276,17 @@ def _page(data: SelfTouchData, fit: SelfTouchFit, result: SelfTouchResult) -> st
     ]
     pictures: list[Picture] = []
     for name in fit.mounts:
-        rows += _chain_rows(data, fit, name, result)
-        _, places, _ = placed(data.chains[name], fit)
+        _, places, covariance = placed(data.chains[name], fit)
+        share = 100 * touched(data, fit, name).mean()
+        rows += [
+            (f"{name}: taxels that were touched", f"{share:.0f} %"),
+            (f"{name}: predicted error, median", f"{result.predicted_sd_mm[name]:.2f} mm"),
+            (f"{name}: weakest direction", f"the patch {weak_direction(places, covariance)}"),
+            (f"{name}: touch next", f"taxels {', '.join(map(str, result.next[name]))}"),
+        ]
         sd = predicted(data.chains[name], fit)
         pictures.append((f"{name} on its link", taxel_picture(places, sd), PLACED))
-    title = f"Self-touch: {', '.join(fit.mounts)}"
-    return judged_page(title, result, rows, pictures)
-
-
-def _chain_rows(
-    data: SelfTouchData, fit: SelfTouchFit, name: str, result: SelfTouchResult
-) -> list[tuple[str, str]]:
-    """Coverage, weakest direction and what to touch next of one chain, in words."""
-    from calibration.commands.self_touch_words import placed, touched
-    from calibration.patch.patch_status import weak_direction
-
-    _, places, covariance = placed(data.chains[name], fit)
-    share = 100 * touched(data, fit, name).mean()
-    return [
-        (f"{name}: taxels that were touched", f"{share:.0f} %"),
-        (f"{name}: predicted error, median", f"{result.predicted_sd_mm[name]:.2f} mm"),
-        (f"{name}: weakest direction", f"the patch {weak_direction(places, covariance)}"),
-        (f"{name}: touch next", f"taxels {', '.join(map(str, result.next[name]))}"),
-    ]
+    return judged_page(f"Self-touch: {', '.join(fit.mounts)}", result, rows, pictures)
 
 
 def _lines(result: SelfTouchResult) -> Iterator[str]:

@@ -13,11 +13,11 @@ from calibration.commands.calibration_options import (
     NO_SEED,
     Outputs,
     PatchFiles,
-    board_options,
+    mesh_option,
     outputs,
 )
 from calibration.commands.results import PatchResult
-from skinmap.commands.options import PICTURE, prints
+from skinmap.commands.options import PICTURE, prints, units_option
 from skinmap.commands.overwriting import guard
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import retired
@@ -52,11 +52,29 @@ def _picture(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     help="Click taxels and their points in a window, where evidence is optional; with the name "
     "of a picture, write what the window shows instead.",
 )
-@board_options()
+@click.option(
+    "--layout", "layout_file", type=FILE, required=True,
+    help="Board: CSV `channel,x,y[,module]`.",
+)  # fmt: skip
+@mesh_option
+@click.option(
+    "--mirror", is_flag=True, help="The board is drawn from its other side: mirror the drawing."
+)
+@units_option("all files")
+@retired(sigma_mm="write a column sigma in the file; without one it is 1 mm")
 @outputs("taxels.csv and report.html", required=True)
 @retired(**NO_EFFORT, seed=NO_SEED)
 @prints(PatchResult)
-def wrap(files: PatchFiles, output: Outputs, window: str | Path | None) -> None:
+def wrap(
+    layout_file: Path,
+    mesh_file: Path,
+    anchors_file: Path | None,
+    touches_file: Path | None,
+    units: str,
+    mirror: bool,
+    window: str | Path | None,
+    output: Outputs,
+) -> None:
     """Lay a flat board on its link so that lengths hold, by anchors, by touches or by both.
 
     Anchors and touches stay where they were found. Some wrong touches and dead taxels do little
@@ -73,6 +91,10 @@ def wrap(files: PatchFiles, output: Outputs, window: str | Path | None) -> None:
               skinmap calibrate wrap --layout board.csv --mesh link.stl --touches t.csv -o out
               skinmap calibrate wrap --layout board.csv --mesh link.stl --window -o out
     """
+    files = PatchFiles(
+        layout=layout_file, mesh=mesh_file, anchors=anchors_file, touches=touches_file,
+        units=units, mirror=mirror,
+    )  # fmt: skip
     if window is not None:
         if files.touches is not None:
             raise click.UsageError("--window takes anchors; leave out --touches")

@@ -18,7 +18,6 @@ from skinmap.commands.retired import NO_PROFILE, retired
 
 if TYPE_CHECKING:
     from calibration.files.mount_files import WrenchTouches
-    from calibration.mount.rigid_mount import MountFit
     from skinmap.arrays import FloatArray
 
 
@@ -58,11 +57,24 @@ class WrenchResult(Calibrated):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class PlacedPatch:
-    """A fitted mount, the touches it came of, and the covariances (n, 3, 3) of its taxels [m2]."""
+    """A fitted mount, with taxels in the frame of the link; what was touched, where none are known.
 
-    touches: WrenchTouches
-    fit: MountFit
+    Attributes
+    ----------
+    mount : (4, 4) float
+        T_link_patch.
+    places : (n, 3) float
+        [m].
+    covariance : (n, 3, 3) float
+        Of the places [m2].
+    taxels : bool
+        Whether the places are taxels.
+    """
+
+    mount: FloatArray
+    places: FloatArray
     covariance: FloatArray
+    taxels: bool
 
 
 @click.command("wrench")
@@ -120,6 +132,7 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
     held_out = held_out_error(*given, np.random.default_rng(0))
     seconds = time.process_time() - start
     skin = touches.points if touches.taxels is None else touches.taxels
+    places = transform_points(fit.mount, skin)
     covariance = point_covariance(fit.mount, skin, fit.covariance)
     sd = np.sqrt(np.einsum("nii->n", covariance))
     half = POINT_SIGMA
@@ -140,11 +153,11 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
         rms_mm=MM * fit.rms,
         cross_validation_mm=None if held_out is None else MM * held_out,
         predicted_sd_mm=Spread.of(MM * sd),
-        weakest=weak_direction(transform_points(fit.mount, skin), covariance),
+        weakest=weak_direction(places, covariance),
         mount=fit.mount.tolist(),
         seconds=seconds,
     )
-    return result, PlacedPatch(touches, fit, covariance)
+    return result, PlacedPatch(fit.mount, places, covariance, touches.taxels is not None)
 
 
 def _write(name: str, placed: PlacedPatch, folder: Path) -> list[str]:
@@ -152,21 +165,18 @@ def _write(name: str, placed: PlacedPatch, folder: Path) -> list[str]:
 
     from calibration.files.mount_files import write_mounts
     from calibration.files.tables import write_taxels
-    from skinmap.geometry.rigid import transform_points
 
-    files = [write_mounts({"mounts": {name: placed.fit.mount}}, folder / "mounts.json")]
-    if placed.touches.taxels is None:
-        return files
-    taxels = transform_points(placed.fit.mount, placed.touches.taxels)
-    channels = np.arange(len(taxels))
-    return [*files, write_taxels(channels, taxels, placed.covariance, folder / "taxels.csv")]
+    files = [write_mounts({"mounts": {name: placed.mount}}, folder / "mounts.json")]
+    if placed.taxels:
+        channels, table = np.arange(len(placed.places)), folder / "taxels.csv"
+        files.append(write_taxels(channels, placed.places, placed.covariance, table))
+    return files
 
 
 def _page(name: str, placed: PlacedPatch, result: WrenchResult) -> str:
     import numpy as np
 
     from calibration.commands.pages import PLACED, judged_page, taxel_picture
-    from skinmap.geometry.rigid import transform_points
 
     sd, held_out = result.predicted_sd_mm, result.cross_validation_mm
     rows = [
@@ -179,11 +189,8 @@ def _page(name: str, placed: PlacedPatch, result: WrenchResult) -> str:
         ("weakest direction", f"the patch {result.weakest}"),
         ("touch next", "from another side, best where the error below is largest"),
     ]  # fmt: skip
-    touches, fit = placed.touches, placed.fit
-    skin = touches.points if touches.taxels is None else touches.taxels
     errors = np.sqrt(np.einsum("nii->n", placed.covariance))
-    placed_skin = transform_points(fit.mount, skin)
-    pictures = [("On the link", taxel_picture(placed_skin, errors), PLACED)]
+    pictures = [("On the link", taxel_picture(placed.places, errors), PLACED)]
     return judged_page(f"Wrenches: {name}", result, rows, pictures)
 
 

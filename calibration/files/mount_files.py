@@ -196,12 +196,7 @@ def _need(arrays: dict[str, NDArray[Any]], names: tuple[str, ...], path: Path) -
 
 def write_mounts(mounts: dict[str, Any], path: Path) -> str:
     """Write mounts T_link_patch [m] and what belongs to them, with full digits; the file's name."""
-    text = {"format": "skinmap-mounts-1", **_lists(mounts)}
-    path.write_text(json.dumps(text, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    kept = {"format": "skinmap-mounts-1", **mounts}
+    text = json.dumps(kept, indent=2, allow_nan=False, default=np.ndarray.tolist)
+    path.write_text(text + "\n", encoding="utf-8")
     return path.name
-
-
-def _lists(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {str(key): _lists(item) for key, item in value.items()}
-    return value.tolist() if hasattr(value, "tolist") else value

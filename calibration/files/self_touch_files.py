@@ -26,7 +26,6 @@ the part that a file of probes names.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
@@ -41,8 +40,9 @@ from calibration.files.mount_files import active_by_event, read_arrays
 from calibration.mount.chains import Chain, TouchRecording
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
+from skinmap.geometry.rigid import rigid_transform
 from skinmap.io.recordings.recorded_stream import RecordedStream
-from skinmap.io.text import is_file, read_text
+from skinmap.io.text import is_file, read_toml
 from skinmap.skin.normals import NEIGHBOURS, patch_labels, repair_normals
 
 KEYS = ("name", "link", "part", "tip_mm", "radius_mm")
@@ -74,10 +74,7 @@ class Probe:
     @property
     def mount(self) -> FloatArray:
         """(4, 4) of the assumed tip; the identity where there is none."""
-        mount = np.eye(4)
-        if self.tip is not None:
-            mount[:3, 3] = self.tip
-        return mount
+        return rigid_transform(np.eye(3), np.zeros(3) if self.tip is None else self.tip)
 
 
 def read_probes(path: Path) -> dict[str, Probe]:
@@ -90,10 +87,7 @@ def read_probes(path: Path) -> dict[str, Probe]:
     """
     if not is_file(path):
         raise MissingFileError(path, "a file of probes (.toml)")
-    try:
-        document = tomllib.loads(read_text(path))
-    except (ValueError, RecursionError) as error:
-        raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
+    document = read_toml(path)
     entries = document.get("probe")
     if set(document) - {"probe"} or not isinstance(entries, list):
         raise DataFormatError(
@@ -112,7 +106,10 @@ def _probe(entry: Any, what: str, path: Path) -> Probe:
     if not isinstance(entry, dict) or (unknown := [key for key in entry if key not in KEYS]):
         wrong = ", ".join(unknown) if isinstance(entry, dict) else repr(entry)
         raise DataFormatError(f"{what}: unknown {wrong}; the keys are: {', '.join(KEYS)}", path)
-    words = {key: _word(entry, key, what, path) for key in ("name", "link", "part")}
+    words = {key: entry.get(key, "") for key in ("name", "link", "part")}
+    for key, value in words.items():
+        if not isinstance(value, str):
+            raise DataFormatError(f"{what}: {key} must be a text, got {value!r}", path)
     if not words["name"]:
         raise DataFormatError(f"{what} lacks 'name'", path)
     if bool(words["link"]) == bool(words["part"]):
@@ -127,13 +124,6 @@ def _probe(entry: Any, what: str, path: Path) -> Probe:
             f"probe {words['name']!r}: lengths are millimetres, {MAX_MM:.0f} at most", path
         )
     return Probe(**words, tip=None if tip is None else 1e-3 * tip, radius=1e-3 * radius)
-
-
-def _word(entry: Mapping[str, Any], key: str, what: str, path: Path) -> str:
-    value = entry.get(key, "")
-    if not isinstance(value, str):
-        raise DataFormatError(f"{what}: {key} must be a text, got {value!r}", path)
-    return value
 
 
 PART = "part_"
@@ -337,7 +327,8 @@ def track_events(
     DataFormatError
         No joint angles, raw values, or no contact of two sides.
     """
-    if not track.joints or not np.isfinite(track.angles).all(axis=1).any():
+    known: BoolArray = np.asarray(np.isfinite(track.angles).all(axis=1))
+    if not track.joints or not known.any():
         raise DataFormatError(
             "a recording without joint angles; self-touch needs the pose of every sample", path
         )
@@ -347,7 +338,6 @@ def track_events(
             path,
         )
     force = _force(track)
-    known: BoolArray = np.asarray(np.isfinite(track.angles).all(axis=1))
     sides = _sides(track, probes, force > 0)
     contacts: dict[tuple[str, str], list[int]] = {}
     for start, stop in _spans(sides, known, track.angles):
@@ -518,10 +508,8 @@ def _part(folder: Path, name: str) -> Chain:
         )
     arrays = read_arrays(path, f"the part that carries the taxels of {name!r}")
     try:
-        mount = np.eye(4)
         placed = check_finite(arrays["mount"], "mount", (6,))
-        mount[:3, 3] = placed[:3]
-        mount[:3, :3] = Rotation.from_rotvec(placed[3:]).as_matrix()
+        mount = rigid_transform(Rotation.from_rotvec(placed[3:]).as_matrix(), placed[:3])
         joints = check_whole(arrays["joint_cols"], "joint_cols")
         taxels = arrays["taxel_pos"]
         plain = Chain.from_dh(name, arrays["dh"], joints, mount, taxels)

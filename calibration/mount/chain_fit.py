@@ -23,6 +23,7 @@ from calibration.mount.pairing import Contacts
 from calibration.mount.rigid_mount import CAUCHY, LENGTH, fit_mount
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
+from skinmap.geometry.rigid import rigid_transform
 
 JOINT_SIGMA = np.deg2rad(2.0)  # what zero positions of joints are off by
 STANDOFF_SIGMA = 4e-3  # of that length: half a fingertip, twice a soft skin's give [m]
@@ -126,74 +127,6 @@ CELL = 20e-3  # two modules of a skin, about what one contact covers [m]
 RIDGE = 1e-6  # of the normal matrix's diagonal: holds what no touch can tell
 
 
-def fit_chains(
-    contacts: Sequence[Contacts],
-    chains: Mapping[str, Chain],
-    unknowns: Unknowns,
-    start: ChainState,
-) -> ChainState:
-    """The state of the robust loss, from that of least squares."""
-    state = start.copy()
-    for _ in range(CLOSED):
-        for name in (*unknowns.tips, *unknowns.mounts):
-            _place(name, contacts, chains, unknowns, state)
-    # Squares first: the robust loss alone loses its way from far starts.
-    for robust in (False, True):
-        for _ in range(STEPS):
-            if _step(contacts, chains, unknowns, state, robust) < SETTLED:
-                break
-    return state
-
-
-def misses(contact: Contacts, chains: Mapping[str, Chain], state: ChainState) -> FloatArray:
-    """Vectors (m, 3) between the places that met [m]."""
-    T = [_pose(chains[name], contact, state) for name in contact.recording.chains]
-    first, second = contact.choose(T, _standoff(contact, state)).places
-    return _carry(T[0], first) - _carry(T[1], second)
-
-
-def _standoff(contact: Contacts, state: ChainState) -> float:
-    return state.standoffs.get(contact.recording.name, 0.0)
-
-
-def _pose(chain: Chain, contact: Contacts, state: ChainState) -> FloatArray:
-    return chain.frames(contact.recording.angles, state.offsets) @ state.mounts[chain.name]
-
-
-def _carry(T: FloatArray, points: FloatArray) -> FloatArray:
-    return np.asarray(np.einsum("mij,mj->mi", T[:, :3, :3], points) + T[:, :3, 3])
-
-
-def _place(
-    name: str,
-    contacts: Sequence[Contacts],
-    chains: Mapping[str, Chain],
-    unknowns: Unknowns,
-    state: ChainState,
-) -> None:
-    """Mount or tip of one chain in closed form while the others hold still."""
-    points, frames, targets = [], [], []
-    for contact in contacts:
-        if name not in contact.recording.chains:
-            continue
-        own = contact.recording.chains.index(name)
-        T = [_pose(chains[other], contact, state) for other in contact.recording.chains]
-        pair = contact.choose(T, _standoff(contact, state)).places
-        points.append(pair[own])
-        frames.append(chains[name].frames(contact.recording.angles, state.offsets))
-        targets.append(_carry(T[1 - own], pair[1 - own]))
-    if not points:
-        raise InvalidArrayError(f"no recording touches {name!r}")
-    p, T_link, q = (np.concatenate(part) for part in (points, frames, targets))
-    if name in unknowns.mounts:
-        state.mounts[name] = fit_mount(p, T_link, q).mount
-        return
-    back = np.einsum("mji,mj->mi", T_link[:, :3, :3], q - T_link[:, :3, 3])
-    tip = np.eye(4)
-    tip[:3, 3] = np.median(back, axis=0)
-    state.mounts[name] = tip
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class _System:
     """Normal equations of one state."""
@@ -206,63 +139,6 @@ class _System:
     missed: FloatArray  # (m, 3) [m]
     jacobian: FloatArray  # (m, 3, c)
     cells: tuple[IntArray, ...]  # (m,) of each side: events in the same place of a skin share one
-
-
-def _system(
-    contacts: Sequence[Contacts],
-    chains: Mapping[str, Chain],
-    unknowns: Unknowns,
-    state: ChainState,
-    robust: bool,
-) -> _System:
-    columns = unknowns.columns()
-    parts = [_rows(contact, chains, state, columns) for contact in contacts]
-    missed = np.concatenate([part[0] for part in parts])
-    jacobian = np.concatenate([part[1] for part in parts])
-    length = np.asarray(np.linalg.norm(missed, axis=1))
-    scale = max(float(np.median(length)) / LENGTH, 1e-9)
-    weight = 1.0 / (1.0 + (length / (CAUCHY * scale)) ** 2) if robust else np.ones(len(length))
-    weighted = jacobian * weight[:, None, None]
-    normal = np.tensordot(weighted, jacobian, axes=([0, 1], [0, 1]))
-    slope = np.tensordot(weighted, missed, axes=([0, 1], [0, 1]))
-    by_touches = normal.copy()
-    prior, off = unknowns.prior(state)
-    diagonal = np.arange(columns.count)
-    normal[diagonal, diagonal] += scale**2 * prior
-    slope += scale**2 * prior * off
-    normal[diagonal, diagonal] *= 1.0 + RIDGE
-    normal[diagonal, diagonal] += 1e-12  # a column that nothing touches stays where it is
-    cells = _cells([part[2] for part in parts], [one.recording.chains for one in contacts])
-    return _System(normal, by_touches, slope, length, weight, missed, jacobian, cells)
-
-
-def _cells(
-    places: Sequence[tuple[FloatArray, FloatArray]], names: Sequence[tuple[str, str]]
-) -> tuple[IntArray, ...]:
-    """For each side, the number of the cube of `CELL` on its patch that every event lies in."""
-    found = []
-    for side in (0, 1):
-        which = np.unique([own[side] for own in names], return_inverse=True)[1]
-        keys = [
-            np.column_stack([np.full(len(own[side]), chain), np.floor(own[side] / CELL)])
-            for own, chain in zip(places, which, strict=True)
-        ]
-        found.append(np.unique(np.concatenate(keys), axis=0, return_inverse=True)[1].ravel())
-    return tuple(found)
-
-
-def _step(
-    contacts: Sequence[Contacts],
-    chains: Mapping[str, Chain],
-    unknowns: Unknowns,
-    state: ChainState,
-    robust: bool,
-) -> float:
-    """One Gauss-Newton step; returns the largest move."""
-    system = _system(contacts, chains, unknowns, state, robust)
-    move: FloatArray = -np.asarray(np.linalg.solve(system.normal, system.slope), np.float64)
-    unknowns.apply(move, state)
-    return float(np.abs(move).max(initial=0.0))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -297,35 +173,113 @@ class Information:
         return self.noise[own, own], self.considered[own, own]
 
 
-def information(
-    contacts: Sequence[Contacts],
-    chains: Mapping[str, Chain],
-    unknowns: Unknowns,
-    state: ChainState,
-) -> Information:
-    """What the touches tell in a state that was fitted to them."""
-    moving = {int(j) for one in contacts for c in one.recording.chains for j in chains[c].joints}
-    considered = tuple(sorted(moving - set(unknowns.joints)))
-    every = replace(unknowns, considered=considered)
-    system = _system(contacts, chains, every, state, True)
-    columns, count = every.columns(), unknowns.columns().count
-    weight = system.weight
-    free = max(1.0, 3.0 * len(weight) - count) / len(weight)
-    slope = float(np.mean(weight + 2.0 * weight**2)) / 3.0
-    variance = float(np.mean((weight * system.length) ** 2)) / free / slope**2
-    # The normal matrix is weighted: on average by the slope's share of it.
-    variance *= float(np.mean(weight))
-    inverse: FloatArray = np.asarray(np.linalg.inv(system.normal[:count, :count]))
-    noise = variance * inverse
-    for cell in system.cells:
-        noise += inverse @ _shared(system, cell)[:count, :count] @ inverse
-    dragged = JOINT_ERROR * inverse @ system.normal[:count, count:]
-    evidence = system.by_touches / variance
-    ends = np.cumsum([len(one) for one in contacts])[:-1]
-    rows = np.split(system.jacobian, ends)
-    names = [one.recording.name for one in contacts]
-    own = dict(zip(names, rows, strict=True))
-    return Information(columns, noise, dragged @ dragged.T, evidence, own)
+@dataclass(frozen=True, eq=False, slots=True)
+class ChainFit:
+    """A fit of unknowns to contacts."""
+
+    contacts: Sequence[Contacts]
+    chains: Mapping[str, Chain]
+    unknowns: Unknowns
+
+    def from_start(self, start: ChainState) -> ChainState:
+        """The state of the robust loss, from that of least squares."""
+        state = start.copy()
+        for _ in range(CLOSED):
+            for name in (*self.unknowns.tips, *self.unknowns.mounts):
+                self._place(name, state)
+        # Squares first: the robust loss alone loses its way from far starts.
+        for robust in (False, True):
+            for _ in range(STEPS):
+                system = self._system(state, robust=robust)
+                move = -np.asarray(np.linalg.solve(system.normal, system.slope), np.float64)
+                self.unknowns.apply(move, state)
+                if np.abs(move).max(initial=0.0) < SETTLED:
+                    break
+        return state
+
+    def _place(self, name: str, state: ChainState) -> None:
+        """Mount or tip of one chain in closed form while the others hold still."""
+        points, frames, targets = [], [], []
+        for contact in self.contacts:
+            names = contact.recording.chains
+            if name not in names:
+                continue
+            own = names.index(name)
+            T = [_pose(self.chains[other], contact, state) for other in names]
+            pair = contact.choose(T, _standoff(contact, state)).places
+            points.append(pair[own])
+            frames.append(self.chains[name].frames(contact.recording.angles, state.offsets))
+            targets.append(_carry(T[1 - own], pair[1 - own]))
+        if not points:
+            raise InvalidArrayError(f"no recording touches {name!r}")
+        p, T_link, q = (np.concatenate(part) for part in (points, frames, targets))
+        if name in self.unknowns.mounts:
+            state.mounts[name] = fit_mount(p, T_link, q).mount
+        else:
+            back = np.einsum("mji,mj->mi", T_link[:, :3, :3], q - T_link[:, :3, 3])
+            state.mounts[name] = rigid_transform(np.eye(3), np.median(back, axis=0))
+
+    def _system(self, state: ChainState, *, robust: bool) -> _System:
+        columns = self.unknowns.columns()
+        parts = [_rows(contact, self.chains, state, columns) for contact in self.contacts]
+        missed = np.concatenate([part[0] for part in parts])
+        jacobian = np.concatenate([part[1] for part in parts])
+        length = np.asarray(np.linalg.norm(missed, axis=1))
+        scale = max(float(np.median(length)) / LENGTH, 1e-9)
+        weight = 1.0 / (1.0 + (length / (CAUCHY * scale)) ** 2) if robust else np.ones(len(length))
+        weighted = jacobian * weight[:, None, None]
+        normal = np.tensordot(weighted, jacobian, axes=([0, 1], [0, 1]))
+        slope = np.tensordot(weighted, missed, axes=([0, 1], [0, 1]))
+        by_touches = normal.copy()
+        prior, off = self.unknowns.prior(state)
+        diagonal = np.arange(columns.count)
+        normal[diagonal, diagonal] += scale**2 * prior
+        slope += scale**2 * prior * off
+        normal[diagonal, diagonal] *= 1.0 + RIDGE
+        normal[diagonal, diagonal] += 1e-12  # a column that nothing touches stays where it is
+        cells = _cells([part[2] for part in parts], [one.recording.chains for one in self.contacts])
+        return _System(normal, by_touches, slope, length, weight, missed, jacobian, cells)
+
+    def information(self, state: ChainState) -> Information:
+        """What the touches tell in a state that was fitted to them."""
+        present = {name for one in self.contacts for name in one.recording.chains}
+        moving = {int(joint) for name in present for joint in self.chains[name].joints}
+        considered = tuple(sorted(moving - set(self.unknowns.joints)))
+        every = replace(self.unknowns, considered=considered)
+        system = replace(self, unknowns=every)._system(state, robust=True)
+        columns, count = every.columns(), self.unknowns.columns().count
+        weight = system.weight
+        free = max(1.0, 3.0 * len(weight) - count) / len(weight)
+        slope = float(np.mean(weight + 2.0 * weight**2)) / 3.0
+        variance = float(np.mean((weight * system.length) ** 2)) / free / slope**2
+        # The normal matrix is weighted: on average by the slope's share of it.
+        variance *= float(np.mean(weight))
+        inverse: FloatArray = np.asarray(np.linalg.inv(system.normal[:count, :count]))
+        noise = variance * inverse
+        for cell in system.cells:
+            noise += inverse @ _shared(system, cell)[:count, :count] @ inverse
+        dragged = JOINT_ERROR * inverse @ system.normal[:count, count:]
+        evidence = system.by_touches / variance
+        ends = np.cumsum([len(one) for one in self.contacts])[:-1]
+        rows = np.split(system.jacobian, ends)
+        names = [one.recording.name for one in self.contacts]
+        own = dict(zip(names, rows, strict=True))
+        return Information(columns, noise, dragged @ dragged.T, evidence, own)
+
+
+def _cells(
+    places: Sequence[tuple[FloatArray, FloatArray]], names: Sequence[tuple[str, str]]
+) -> tuple[IntArray, ...]:
+    """For each side, the number of the cube of `CELL` on its patch that every event lies in."""
+    found = []
+    for side in (0, 1):
+        which = np.unique([own[side] for own in names], return_inverse=True)[1]
+        keys = [
+            np.column_stack([np.full(len(own[side]), chain), np.floor(own[side] / CELL)])
+            for own, chain in zip(places, which, strict=True)
+        ]
+        found.append(np.unique(np.concatenate(keys), axis=0, return_inverse=True)[1].ravel())
+    return tuple(found)
 
 
 def _shared(system: _System, cell: IntArray) -> FloatArray:
@@ -382,3 +336,22 @@ def _rows(
             away = np.einsum("mij,mj->mi", turn, outward @ own)
             jacobian[:, :, columns.standoffs[contact.recording.name]] += sign * away
     return world[0] - world[1], jacobian, pairs.places
+
+
+def misses(contact: Contacts, chains: Mapping[str, Chain], state: ChainState) -> FloatArray:
+    """Vectors (m, 3) between the places that met [m]."""
+    T = [_pose(chains[name], contact, state) for name in contact.recording.chains]
+    first, second = contact.choose(T, _standoff(contact, state)).places
+    return _carry(T[0], first) - _carry(T[1], second)
+
+
+def _standoff(contact: Contacts, state: ChainState) -> float:
+    return state.standoffs.get(contact.recording.name, 0.0)
+
+
+def _pose(chain: Chain, contact: Contacts, state: ChainState) -> FloatArray:
+    return chain.frames(contact.recording.angles, state.offsets) @ state.mounts[chain.name]
+
+
+def _carry(T: FloatArray, points: FloatArray) -> FloatArray:
+    return np.asarray(np.einsum("mij,mj->mi", T[:, :3, :3], points) + T[:, :3, 3])

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole, freeze
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.rigid import check_transform
+from skinmap.geometry.rigid import check_transform, rigid_transform, rpy_matrix
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -137,9 +138,7 @@ class Chain:
             np.ones(j),
             np.zeros(j),
             T,
-            np.eye(4) if mount is None else np.asarray(mount),
-            np.zeros((0, 3)) if taxels is None else np.asarray(taxels),
-            np.zeros((0, 3)) if normals is None else np.asarray(normals),
+            **known(mount=mount, taxels=taxels, normals=normals),
         )
 
     @property
@@ -182,6 +181,11 @@ class Chain:
         return np.where(self.sliding[:, None, None], axes, turned)
 
 
+def known(**given: ArrayLike | None) -> dict[str, Any]:
+    """What was given of a chain, by the names of its fields; what was not has its default."""
+    return {name: np.asarray(value) for name, value in given.items() if value is not None}
+
+
 def _check_taxels(given: FloatArray, name: str, what: str) -> FloatArray:
     taxels = np.asarray(given)
     if taxels.shape[1:] != (3,) or taxels.dtype.kind not in "iuf":
@@ -206,15 +210,8 @@ def joint_transform(axis: FloatArray, angle: FloatArray, *, sliding: bool) -> Fl
 
 def _dh_link(a: float, d: float, alpha: float, turn: float) -> FloatArray:
     """(4, 4) of one row: rotation about z by `turn`, along z by d, along x by a, about x."""
-    c, s, ca, sa = np.cos(turn), np.sin(turn), np.cos(alpha), np.sin(alpha)
-    return np.array(
-        [
-            [c, -s * ca, s * sa, a * c],
-            [s, c * ca, -c * sa, a * s],
-            [0.0, sa, ca, d],
-            [0.0, 0.0, 0.0, 1.0],
-        ]
-    )
+    shift = np.array([a * np.cos(turn), a * np.sin(turn), d])
+    return rigid_transform(rpy_matrix((alpha, 0.0, turn)), shift)
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -8,15 +8,17 @@ lines.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from calibration.mount.rigid_mount import CAUCHY, MountFit, check_frames
-from skinmap.arrays import FloatArray, check_finite, check_points
+from calibration.mount.rigid_mount import CAUCHY, MountFit, check_frames, some
+from skinmap.arrays import BoolArray, FloatArray, check_finite, check_points
 from skinmap.errors import InvalidArrayError
+from skinmap.geometry.rigid import motion_slopes, rigid_transform, transform_points
 
 FEWEST = 6  # lines: each tells two numbers of six, and some are never independent
 LIGHTEST = 0.05  # [N]: lighter forces leave no line
@@ -74,17 +76,10 @@ def fit_wrench(
     >>> skinmap.fit_wrench(points, frames, forces, moments).mount[:3, 3].round(3)[0]
     np.float64(0.1)
     """
-    p = check_points(points, "points")
-    T = check_frames(frames, len(p))
-    along, foot, sigma = _lines(forces, moments, T, point_sigma, moment_sigma)
-    starts = _starts(p, along, foot)
-    for steps, kept in ((FIRST, PROMISING), (STEPS, 1)):
-        ends = [_descend(start, p, along, foot, sigma, steps, robust=False) for start in starts]
-        starts = sorted(ends, key=lambda end: _cost(end, p, along, foot, sigma))[:kept]
-    mount = _descend(starts[0], p, along, foot, sigma, STEPS, robust=True)
-    missed = np.linalg.norm(_misses(mount, p, along, foot), axis=1)
-    covariance = _covariance(mount, p, along, foot, sigma, _weights(missed / sigma))
-    return MountFit(mount, float(np.sqrt(np.mean(missed**2))), covariance, missed)
+    lines = _Lines.of(points, frames, forces, moments, point_sigma, moment_sigma)
+    mount = _fitted(lines)
+    missed = lines.distances(mount)
+    return MountFit(mount, float(np.sqrt(np.mean(missed**2))), lines.covariance(mount), missed)
 
 
 def held_out_error(
@@ -93,9 +88,6 @@ def held_out_error(
     forces: FloatArray,
     moments: FloatArray,
     rng: np.random.Generator,
-    *,
-    point_sigma: float = POINT_SIGMA,
-    moment_sigma: float = MOMENT_SIGMA,
 ) -> float | None:
     """Root mean square distance [m] of touches from their lines under fits that never saw them.
 
@@ -104,141 +96,149 @@ def held_out_error(
     fold = rng.permutation(len(points)) % FOLDS
     if len(fold) < 2 * FOLDS:
         return None
-    squares = []
-    for k in range(FOLDS):
-        seen, unseen = (
-            (points[rows], frames[rows], forces[rows], moments[rows])
-            for rows in (fold != k, fold == k)
-        )
-        fit = fit_wrench(*seen, point_sigma=point_sigma, moment_sigma=moment_sigma)
-        squares.append(_line_distances(fit.mount, *unseen) ** 2)
-    return float(np.sqrt(np.mean(np.concatenate(squares))))
+    lines = _Lines.of(points, frames, forces, moments)
+    missed = [lines.only(fold == k).distances(_fitted(lines.only(fold != k))) for k in range(FOLDS)]
+    return float(np.sqrt(np.mean(np.concatenate(missed) ** 2)))
 
 
-def _line_distances(
-    mount: FloatArray,
-    points: FloatArray,
-    frames: FloatArray,
-    forces: FloatArray,
-    moments: FloatArray,
-) -> FloatArray:
-    """(m,) distances [m]: a point r misses the line of a wrench by |r x f - m| across f, over f."""
-    T = frames @ mount
-    r = np.einsum("mij,mj->mi", T[:, :3, :3], points) + T[:, :3, 3]
-    along = forces / np.linalg.norm(forces, axis=1)[:, None]
-    missed = np.cross(r, forces) - moments
-    missed -= along * np.einsum("mi,mi->m", along, missed)[:, None]
-    return np.asarray(np.linalg.norm(missed, axis=1) / np.linalg.norm(forces, axis=1))
+@dataclass(frozen=True, eq=False, slots=True)
+class _Lines:
+    """Points (m, 3) of a patch, and the lines of a link that they belong on.
+
+    The lines have directions `along` (m, 3), feet (m, 3) and errors `sigma` (m,) [m].
+    """
+
+    points: FloatArray
+    along: FloatArray
+    foot: FloatArray
+    sigma: FloatArray
+
+    @classmethod
+    def of(
+        cls,
+        points: ArrayLike,
+        frames: ArrayLike,
+        forces: ArrayLike,
+        moments: ArrayLike,
+        point_sigma: float = POINT_SIGMA,
+        moment_sigma: float = MOMENT_SIGMA,
+    ) -> _Lines:
+        """Of what `fit_wrench` was given."""
+        p = check_points(points, "points")
+        T = check_frames(frames, len(p))
+        f = check_finite(forces, "forces", (len(T), 3))
+        m = check_finite(moments, "moments", (len(T), 3))
+        for name, value in (("point_sigma", point_sigma), ("moment_sigma", moment_sigma)):
+            if not (np.isfinite(value) and value > 0):
+                raise InvalidArrayError(f"{name} must be above 0, got {value}")
+        if len(T) < FEWEST:
+            raise InvalidArrayError(f"a mount needs at least {FEWEST} lines, got {len(T)}")
+        size = np.linalg.norm(f, axis=1)
+        light = np.flatnonzero(size < LIGHTEST)
+        if len(light):
+            raise InvalidArrayError(
+                f"{len(light)} forces are below {LIGHTEST} N and leave no line: rows {some(light)}"
+            )
+        back = T[:, :3, :3].transpose(0, 2, 1)
+        foot = np.cross(f, m) / size[:, None] ** 2  # the point of the line next to the sensor
+        foot = np.einsum("mij,mj->mi", back, foot - T[:, :3, 3])
+        along = np.einsum("mij,mj->mi", back, f / size[:, None])
+        if np.linalg.svd(along, compute_uv=False)[1] < 1e-3 * np.sqrt(len(along)):
+            raise InvalidArrayError("all forces are parallel: the patch could slide along them")
+        return cls(p, along, foot, np.hypot(point_sigma, moment_sigma / size))
+
+    def only(self, rows: BoolArray) -> _Lines:
+        """Some of them."""
+        return _Lines(self.points[rows], self.along[rows], self.foot[rows], self.sigma[rows])
+
+    def misses(self, mount: FloatArray) -> FloatArray:
+        """Vectors (m, 3) from the lines to the points, across the lines [m]."""
+        apart = transform_points(mount, self.points) - self.foot
+        return np.asarray(apart - self.along * np.sum(self.along * apart, axis=1)[:, None])
+
+    def distances(self, mount: FloatArray) -> FloatArray:
+        """(m,) of the points from their lines [m]."""
+        return np.asarray(np.linalg.norm(self.misses(mount), axis=1))
+
+    def cost(self, mount: FloatArray) -> float:
+        """Cauchy's loss of a mount, so that outliers do not choose between minima."""
+        missed = self.distances(mount) / self.sigma
+        return float(np.sum(np.log1p((missed / CAUCHY) ** 2)))
+
+    def weights(self, mount: FloatArray) -> FloatArray:
+        """(m,) of Cauchy's loss."""
+        missed = self.distances(mount) / self.sigma
+        scale = max(float(np.median(missed)) / LENGTH, 1e-9)
+        return np.asarray(1.0 / (1.0 + (missed / (CAUCHY * scale)) ** 2))
+
+    def jacobian(self, mount: FloatArray) -> FloatArray:
+        """(m, 3, 6) of the misses to a left-multiplied rotation vector and the translation."""
+        whole = motion_slopes(self.points @ mount[:3, :3].T)
+        onto = np.einsum("mi,mij->mj", self.along, whole)
+        return np.asarray(whole - self.along[:, :, None] * onto[:, None])
+
+    def covariance(self, mount: FloatArray) -> FloatArray:
+        """(6, 6) from the misses' own spread, weighted as in `calibration.mount.rigid_mount`."""
+        jacobian, weight = self.jacobian(mount) / self.sigma[:, None, None], self.weights(mount)
+        missed = self.distances(mount) / self.sigma
+        slope = float(np.mean(weight**2))  # of w r in the two directions across a line
+        free = max(1.0, 2.0 * len(missed) - 6.0) / len(missed)
+        variance = float(np.mean((weight * missed) ** 2)) / free / slope**2
+        normal = np.einsum("mki,mkj->ij", jacobian, jacobian)
+        return np.asarray(variance * np.linalg.pinv(normal, hermitian=True))
 
 
-def _lines(
-    forces: ArrayLike, moments: ArrayLike, T: FloatArray, point_sigma: float, moment_sigma: float
-) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Directions (m, 3) and feet (m, 3) of the lines in the link, and their sigmas (m,) [m]."""
-    f = check_finite(forces, "forces", (len(T), 3))
-    m = check_finite(moments, "moments", (len(T), 3))
-    for name, value in (("point_sigma", point_sigma), ("moment_sigma", moment_sigma)):
-        if not (np.isfinite(value) and value > 0):
-            raise InvalidArrayError(f"{name} must be above 0, got {value}")
-    if len(T) < FEWEST:
-        raise InvalidArrayError(f"a mount needs at least {FEWEST} lines, got {len(T)}")
-    size = np.linalg.norm(f, axis=1)
-    light = np.flatnonzero(size < LIGHTEST)
-    if len(light):
-        shown = ", ".join(map(str, light[:5].tolist())) + (" ..." if len(light) > 5 else "")
-        raise InvalidArrayError(
-            f"{len(light)} forces are below {LIGHTEST} N and leave no line: rows {shown}"
-        )
-    back = T[:, :3, :3].transpose(0, 2, 1)
-    foot = np.cross(f, m) / size[:, None] ** 2  # the point of the line next to the sensor
-    foot = np.einsum("mij,mj->mi", back, foot - T[:, :3, 3])
-    along = np.einsum("mij,mj->mi", back, f / size[:, None])
-    if np.linalg.svd(along, compute_uv=False)[1] < 1e-3 * np.sqrt(len(along)):
-        raise InvalidArrayError("all forces are parallel: the patch could slide along them")
-    return along, foot, np.hypot(point_sigma, moment_sigma / size)
+def _fitted(lines: _Lines) -> FloatArray:
+    """The mount of the robust loss, from the best of all starts."""
+    starts = _starts(lines)
+    for steps, kept in ((FIRST, PROMISING), (STEPS, 1)):
+        ends = [_descend(start, lines, steps, robust=False) for start in starts]
+        starts = sorted(ends, key=lines.cost)[:kept]
+    return _descend(starts[0], lines, STEPS, robust=True)
 
 
-def _starts(p: FloatArray, along: FloatArray, foot: FloatArray) -> list[FloatArray]:
+def _starts(lines: _Lines) -> list[FloatArray]:
     """The 24 turns by quarters, each with its best translation, and the linear solution."""
     turns = {
         tuple(np.rint(Rotation.from_euler("xyz", angles).as_matrix()).astype(int).ravel())
         for angles in product(QUARTERS, repeat=3)
     }
     rotations = [np.reshape(turn, (3, 3)).astype(np.float64) for turn in sorted(turns)]
+    p, along = lines.points, lines.along
     across = np.eye(3) - along[:, :, None] * along[:, None, :]
     # Linear in the nine numbers of a matrix and the translation; a sheet leaves some free.
     design = np.concatenate([np.einsum("mij,mk->mijk", across, p).reshape(-1, 3, 9), across], 2)
-    wanted = np.einsum("mij,mj->mi", across, foot)
+    wanted = np.einsum("mij,mj->mi", across, lines.foot)
     free = np.linalg.lstsq(design.reshape(-1, 12), wanted.ravel(), rcond=1e-6)[0]
     left, _, right = np.linalg.svd(free[:9].reshape(3, 3))
-    for flip in (1.0, -1.0):
-        turn = left @ np.diag([1.0, 1.0, flip]) @ right
-        if np.linalg.det(turn) > 0:
-            rotations.append(turn)
+    rotations.append(left @ np.diag([1.0, 1.0, np.sign(np.linalg.det(left @ right))]) @ right)
     starts = []
     for turn in rotations:
-        start = np.eye(4)
-        start[:3, :3] = turn
         left_over = wanted - np.einsum("mij,mj->mi", across, p @ turn.T)
-        start[:3, 3] = np.linalg.lstsq(across.reshape(-1, 3), left_over.ravel(), rcond=None)[0]
-        starts.append(start)
+        shift = np.linalg.lstsq(across.reshape(-1, 3), left_over.ravel(), rcond=None)[0]
+        starts.append(rigid_transform(turn, shift))
     return starts
 
 
-def _misses(mount: FloatArray, p: FloatArray, along: FloatArray, foot: FloatArray) -> FloatArray:
-    """Vectors (m, 3) from the lines to the points, across the lines [m]."""
-    apart = p @ mount[:3, :3].T + mount[:3, 3] - foot
-    return np.asarray(apart - along * np.einsum("mi,mi->m", along, apart)[:, None])
-
-
-def _cost(
-    mount: FloatArray, p: FloatArray, along: FloatArray, foot: FloatArray, sigma: FloatArray
-) -> float:
-    """Cauchy's loss of a mount, so that outliers do not choose between minima."""
-    missed = np.linalg.norm(_misses(mount, p, along, foot), axis=1) / sigma
-    return float(np.sum(np.log1p((missed / CAUCHY) ** 2)))
-
-
-def _weights(missed: FloatArray) -> FloatArray:
-    scale = max(float(np.median(missed)) / LENGTH, 1e-9)
-    return np.asarray(1.0 / (1.0 + (missed / (CAUCHY * scale)) ** 2))
-
-
-def _jacobian(mount: FloatArray, p: FloatArray, along: FloatArray) -> FloatArray:
-    """(m, 3, 6) of the misses to a left-multiplied rotation vector and the translation."""
-    arm = p @ mount[:3, :3].T
-    swept = np.cross(np.eye(3)[None], arm[:, None]).transpose(0, 2, 1)
-    whole = np.concatenate([swept, np.broadcast_to(np.eye(3), swept.shape)], axis=2)
-    return np.asarray(whole - along[:, :, None] * np.einsum("mi,mij->mj", along, whole)[:, None])
-
-
-def _descend(
-    start: FloatArray,
-    p: FloatArray,
-    along: FloatArray,
-    foot: FloatArray,
-    sigma: FloatArray,
-    steps: int,
-    *,
-    robust: bool,
-) -> FloatArray:
+def _descend(start: FloatArray, lines: _Lines, steps: int, *, robust: bool) -> FloatArray:
     """Levenberg's damped steps from a start to the minimum near it."""
-    mount, damping = start.copy(), 1e-3
+    mount, damping, p = start.copy(), 1e-3, lines.points
     reach = max(float(np.linalg.norm(p - p.mean(axis=0), axis=1).max()), 1e-6)
     scale = np.array([1 / reach] * 3 + [1.0] * 3)  # turns move points by their reach
-    weight = 1.0 / sigma**2
+    weight = 1.0 / lines.sigma**2
     for _ in range(steps):
-        missed = _misses(mount, p, along, foot)
+        missed = lines.misses(mount)
         if robust:
-            weight = _weights(np.linalg.norm(missed, axis=1) / sigma) / sigma**2
-        jacobian = _jacobian(mount, p, along) * scale
+            weight = lines.weights(mount) / lines.sigma**2
+        jacobian = lines.jacobian(mount) * scale
         weighted = jacobian * weight[:, None, None]
         normal = np.tensordot(weighted, jacobian, axes=([0, 1], [0, 1]))
         slope = np.tensordot(weighted, missed, axes=([0, 1], [0, 1]))
         before = float(weight @ np.sum(missed**2, axis=1))
         move = -scale * np.linalg.solve(normal + damping * np.diag(np.diag(normal)), slope)
-        moved = _moved(mount, move)
-        after = float(weight @ np.sum(_misses(moved, p, along, foot) ** 2, axis=1))
+        turn = Rotation.from_rotvec(move[:3]).as_matrix()
+        moved = rigid_transform(turn @ mount[:3, :3], mount[:3, 3] + move[3:])
+        after = float(weight @ np.sum(lines.misses(moved) ** 2, axis=1))
         if after > before:
             damping = min(10.0 * damping, 1e6)
             if damping >= 1e6:
@@ -248,28 +248,3 @@ def _descend(
         if np.abs(move).max() < SETTLED:
             break
     return mount
-
-
-def _moved(mount: FloatArray, move: FloatArray) -> FloatArray:
-    out = mount.copy()
-    out[:3, :3] = Rotation.from_rotvec(move[:3]).as_matrix() @ mount[:3, :3]
-    out[:3, 3] += move[3:]
-    return out
-
-
-def _covariance(
-    mount: FloatArray,
-    p: FloatArray,
-    along: FloatArray,
-    foot: FloatArray,
-    sigma: FloatArray,
-    weight: FloatArray,
-) -> FloatArray:
-    """(6, 6) from the residuals' own spread, weighted as in `calibration.mount.rigid_mount`."""
-    jacobian = _jacobian(mount, p, along) / sigma[:, None, None]
-    missed = np.linalg.norm(_misses(mount, p, along, foot), axis=1) / sigma
-    slope = float(np.mean(weight**2))  # of w r in the two directions across a line
-    free = max(1.0, 2.0 * len(p) - 6.0) / len(p)
-    variance = float(np.mean((weight * missed) ** 2)) / free / slope**2
-    normal = np.einsum("mki,mkj->ij", jacobian, jacobian)
-    return np.asarray(variance * np.linalg.pinv(normal, hermitian=True))

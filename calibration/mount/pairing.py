@@ -19,6 +19,7 @@ from scipy.spatial import KDTree
 
 from calibration.mount.chains import Chain, TouchRecording
 from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.geometry.proximity import median_spacing
 
 LINK = 2.2  # times the spacing of the taxels: reaches over one silent taxel, not to another contact
 
@@ -86,7 +87,7 @@ def _sums(values: FloatArray, group: IntArray) -> FloatArray:
 def _connected(event: IntArray, ids: IntArray, taxels: FloatArray) -> IntArray:
     """Number of the connected patch of each active taxel, over all events at once."""
     used, local = np.unique(ids, return_inverse=True)
-    spacing = _spacing(taxels)
+    spacing = median_spacing(taxels[np.isfinite(taxels).all(axis=1)])
     near = KDTree(taxels[used]).sparse_distance_matrix(
         KDTree(taxels[used]), LINK * spacing, output_type="coo_matrix"
     )
@@ -103,13 +104,6 @@ def _connected(event: IntArray, ids: IntArray, taxels: FloatArray) -> IntArray:
     i, j = np.concatenate(rows), np.concatenate(cols)
     graph = coo_array((np.ones(len(i)), (i, j)), shape=(len(ids), len(ids)))
     return np.asarray(connected_components(graph, directed=False)[1], np.int64)
-
-
-def _spacing(taxels: FloatArray) -> float:
-    known = taxels[np.isfinite(taxels).all(axis=1)]
-    if len(known) < 2:
-        return 0.0
-    return float(np.median(KDTree(known).query(known, k=2)[0][:, 1]))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skinmap.arrays import FloatArray, check_finite, check_points, freeze
+from skinmap.arrays import FloatArray, IntArray, check_finite, check_points, freeze
 from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.geometry.rigid import rigid_fit, transform_points
+from skinmap.geometry.rigid import motion_slopes, rigid_fit, transform_points
 from skinmap.summary import Summary, millimetres
 
 Loss = Literal["linear", "cauchy"]
@@ -134,22 +135,17 @@ def _covariance(arms: FloatArray, missed: FloatArray, weight: FloatArray) -> Flo
     With weights w the residuals r count as (w r)^2 and the slope of w r is their information
     (Huber 1981, section 7.6): honest under outliers, and plain least squares where w is 1.
     """
-    x, y, z = arms.T
-    zero = np.zeros_like(x)
-    cross = np.stack([[zero, z, -y], [-z, zero, x], [y, -x, zero]]).transpose(2, 0, 1)
-    jacobian = np.concatenate([cross, np.broadcast_to(np.eye(3), (len(x), 3, 3))], axis=2)
+    jacobian = motion_slopes(arms)
     slope = float(np.mean(weight + 2.0 * weight**2)) / 3.0
     normal = np.einsum("mki,mkj->ij", jacobian, jacobian)
-    free = max(1.0, 3.0 * len(x) - 6.0) / len(x)
+    free = max(1.0, 3.0 * len(arms) - 6.0) / len(arms)
     variance = float(np.mean((weight * missed) ** 2)) / free / slope**2
     return np.asarray(variance * np.linalg.pinv(normal, hermitian=True))
 
 
 def point_covariance(mount: FloatArray, points: FloatArray, covariance: FloatArray) -> FloatArray:
     """(n, 3, 3) of points (n, 3) of a patch in its link [m2], from that of its mount (6, 6)."""
-    arm = points @ mount[:3, :3].T
-    swept = np.cross(np.eye(3)[None], arm[:, None]).transpose(0, 2, 1)
-    jacobian = np.concatenate([swept, np.broadcast_to(np.eye(3), swept.shape)], axis=2)
+    jacobian = motion_slopes(points @ mount[:3, :3].T)
     return np.asarray(jacobian @ covariance @ jacobian.transpose(0, 2, 1))
 
 
@@ -182,6 +178,10 @@ def check_frames(frames: ArrayLike, m: int) -> FloatArray:
     off |= (np.linalg.det(turn) < 0) | (np.abs(T[:, 3] - [0, 0, 0, 1]).max(axis=1) > RIGID)
     if off.any():
         rows = np.flatnonzero(off)
-        shown = ", ".join(map(str, rows[:5].tolist())) + (" ..." if len(rows) > 5 else "")
-        raise InvalidArrayError(f"{len(rows)} frames are not rigid: rows {shown}")
+        raise InvalidArrayError(f"{len(rows)} frames are not rigid: rows {some(rows)}")
     return T
+
+
+def some(rows: Sequence[int] | IntArray, most: int = 5) -> str:
+    """The first few numbers, in words: "3, 7 ..."."""
+    return ", ".join(str(int(row)) for row in rows[:most]) + (" ..." if len(rows) > most else "")

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.mount.chains import Chain, joint_transform
+from calibration.mount.chains import Chain, joint_transform, known
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.skin.joints import Joint, ancestors, check_link
@@ -89,19 +89,18 @@ def robot_chain(
             f"the chain from {start!r} to {link!r} passes joints whose angles are not given: "
             f"{', '.join(dict.fromkeys(walk.unknown))}; given are: {', '.join(columns) or 'none'}"
         )
-    j = len(walk.columns)
+    before, axes, sliding, numbers, factors, shifts = [*zip(*walk.passed, strict=True)] or [()] * 6
+    j, given = len(numbers), known(mount=mount, taxels=taxels, normals=normals)
     return Chain(
         link if name is None else name,
-        np.array(walk.before).reshape(j, 4, 4),
-        np.array(walk.axes).reshape(j, 3),
-        np.array(walk.sliding, np.bool_),
-        np.array(walk.columns, np.int64),
-        np.array(walk.factors, np.float64),
-        np.array(walk.shifts, np.float64),
+        np.array(before).reshape(j, 4, 4),
+        np.array(axes).reshape(j, 3),
+        np.array(sliding, np.bool_),
+        np.array(numbers, np.int64),
+        np.array(factors, np.float64),
+        np.array(shifts, np.float64),
         walk.T,
-        np.eye(4) if mount is None else np.asarray(mount),
-        np.zeros((0, 3)) if taxels is None else np.asarray(taxels),
-        np.zeros((0, 3)) if normals is None else np.asarray(normals),
+        **given,
     )
 
 
@@ -110,9 +109,8 @@ class _Walk:
 
     def __init__(self, columns: Mapping[str, int], held: Mapping[str, float]) -> None:
         self._columns, self._held = columns, held
-        self.before, self.axes = list[FloatArray](), list[FloatArray]()
-        self.sliding, self.columns = list[bool](), list[int]()
-        self.factors, self.shifts = list[float](), list[float]()
+        # Of each joint: the transform before it, axis, sliding, column, factor and shift.
+        self.passed = list[tuple[FloatArray, FloatArray, bool, int, float, float]]()
         self.unknown = list[str]()
         self.T: FloatArray = np.eye(4)  # since the last joint
 
@@ -131,12 +129,8 @@ class _Walk:
             return
         slides = joint.kind == "slides"
         if joint.driver in self._columns:
-            self.before.append(self.T)
-            self.axes.append(joint.axis)
-            self.sliding.append(slides)
-            self.columns.append(self._columns[joint.driver])
-            self.factors.append(sign * joint.factor)
-            self.shifts.append(sign * joint.offset)
+            column, shift = self._columns[joint.driver], sign * joint.offset
+            self.passed.append((self.T, joint.axis, slides, column, sign * joint.factor, shift))
             self.T = np.eye(4)
         elif not joint.driver or joint.driver in self._held:
             angle = joint.factor * self._held.get(joint.driver, 0.0) + joint.offset

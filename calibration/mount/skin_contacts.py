@@ -29,11 +29,10 @@ import numpy as np
 from calibration.mount.chain_fit import (
     JOINT_SIGMA,
     STANDOFF_SIGMA,
+    ChainFit,
     ChainState,
     Information,
     Unknowns,
-    fit_chains,
-    information,
     misses,
 )
 from calibration.mount.chains import Chain, TouchRecording
@@ -191,7 +190,7 @@ def self_touch(
     told = problem.unknowns(used)
     halves = [rng.permutation(len(one)) < len(one) / 2 for one in used]
     one, other = (problem.fit(_masked(used, halves, keep=keep)) for keep in (True, False))
-    known = information(used, chains, told, state)
+    known = ChainFit(used, chains, told).information(state)
     shift = problem.shift(told.mounts, one, other)
     distances = {each.recording.name: _distances(each, chains, state) for each in used}
     before = _every_distance(used, chains, problem.start(used))
@@ -247,12 +246,12 @@ class _Problem:
         width = contacts[0].recording.angles.shape[1]
         state = ChainState({name: c.mount for name, c in self.chains.items()}, np.zeros(width))
         unknowns = self.unknowns(contacts, mounts=False)
-        return fit_chains(contacts, self.chains, unknowns, state)
+        return ChainFit(contacts, self.chains, unknowns).from_start(state)
 
     def fit(self, contacts: Sequence[Contacts]) -> ChainState:
         unknowns, start = self.unknowns(contacts), self.start(contacts)
         start.standoffs = dict(unknowns.standoffs)
-        return fit_chains(contacts, self.chains, unknowns, start)
+        return ChainFit(contacts, self.chains, unknowns).from_start(start)
 
     def medians(self, contacts: Sequence[Contacts], state: ChainState) -> dict[str, float]:
         return {

@@ -208,11 +208,6 @@ def chords(
     return chord, along, board.lengths * shortening(positions, normals, board.pairs)
 
 
-def pair_distances(places: FloatArray, pairs: IntArray) -> FloatArray:
-    """Distance (p,) of each pair."""
-    return np.asarray(np.linalg.norm(places[pairs[:, 1]] - places[pairs[:, 0]], axis=1))
-
-
 def shortening(places: FloatArray, normals: FloatArray, pairs: IntArray) -> FloatArray:
     """(p,) chords against lengths along the surface, from how its normals turn on the way."""
     i, j = pairs.T

@@ -25,10 +25,9 @@ from calibration.patch.minima import STARTS, find_minima
 from calibration.patch.patch_calibration import Doubt, PatchCalibration, Status
 from calibration.patch.patch_evidence import (
     Link,
-    check_channels,
     check_layout,
     check_link,
-    check_modules,
+    check_names,
 )
 from calibration.patch.patch_status import Names, judge
 from calibration.patch.sheet_model import Evidence
@@ -152,8 +151,9 @@ def lay(
     """A board checked and laid on its link, by what is gathered of layout, link and channels."""
     rng = np.random.default_rng(rng)
     flat = check_layout(layout) * ([-1.0, 1.0] if mirror else [1.0, 1.0])
-    names = Names(check_channels(channels, len(flat)))
-    plates = check_modules(modules, len(flat))
+    rows = np.arange(len(flat))
+    names = Names(rows if channels is None else check_names(channels, "channels", len(flat)))
+    plates = None if modules is None else check_names(modules, "modules", len(flat))
     mesh = check_link(*link)
     evidence = gather(flat, mesh, names.channels)
     seed = int(rng.integers(2**32))

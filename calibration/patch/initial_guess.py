@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -23,13 +25,8 @@ def log_map_start(
     the surface. What lies beyond the map's reach is carried on in the plane of its nearest
     known points.
     """
-    reach = REACH * float(np.linalg.norm(np.ptp(layout, axis=0))) + 0.02
     best: tuple[float, FloatArray, FloatArray, FloatArray] | None = None
-    for seed in _seeds(target, source):
-        uv, _ = log_map(target.vertices, target.normals, target.graph, seed, reach)
-        known = np.isfinite(uv[:, 0])
-        vertices, uv = target.vertices[known], uv[known]
-        there = uv[_on_the_near_side(vertices, uv, points)]
+    for vertices, uv, there in _maps(target, layout, points, source):
         turn, shift = rigid_2d(places, there)
         missed = float(np.linalg.norm(places @ turn.T + shift - there, axis=1).mean())
         if best is None or missed < best[0]:
@@ -47,15 +44,20 @@ def log_map_places(target: Target, layout: FloatArray, points: FloatArray) -> li
 
     One array for each side of the surface: two where it is a thin shell.
     """
-    reach = REACH * float(np.linalg.norm(np.ptp(layout, axis=0))) + 0.02
     middle = points[np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1))]
-    found = []
-    for seed in _seeds(target, middle):
+    return [there for _, _, there in _maps(target, layout, points, middle)]
+
+
+def _maps(
+    target: Target, layout: FloatArray, points: FloatArray, source: FloatArray
+) -> Iterator[tuple[FloatArray, FloatArray, FloatArray]]:
+    """Vertices (m, 3) within reach, plane coordinates (m, 2), those (k, 2) of points (k, 3)."""
+    reach = REACH * float(np.linalg.norm(np.ptp(layout, axis=0))) + 0.02
+    for seed in _seeds(target, source):
         uv, _ = log_map(target.vertices, target.normals, target.graph, seed, reach)
         known = np.isfinite(uv[:, 0])
         vertices, uv = target.vertices[known], uv[known]
-        found.append(uv[_on_the_near_side(vertices, uv, points)])
-    return found
+        yield vertices, uv, uv[_on_the_near_side(vertices, uv, points)]
 
 
 def _seeds(target: Target, source: FloatArray) -> list[int]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from calibration.patch.board import Board, facing, pair_distances, shortening
+from calibration.patch.board import Board, facing, shortening
 from calibration.patch.initial_guess import log_map_start
 from calibration.patch.link_surface import Target
 from calibration.patch.sheet_model import (
@@ -22,6 +22,7 @@ from calibration.patch.sheet_model import (
     settle,
 )
 from skinmap.arrays import BoolArray, FloatArray
+from skinmap.geometry.triangles import pair_lengths
 
 STARTS = 3  # from how many places a board is laid at first: most patches need three
 BEST, ROUNDS = 3, 2  # minima that are settled as flat maps of where they lie, and how often
@@ -51,6 +52,12 @@ class Minimum:
     state: State
     cost: float
     hessian: FloatArray
+
+    @classmethod
+    def at(cls, target: Target, board: Board, evidence: Evidence, state: State) -> Minimum:
+        """Of a state that has settled."""
+        cost, _, hessian = linearise(target, board, evidence, state)
+        return cls(board, state, cost, hessian)
 
 
 def find_minima(
@@ -100,8 +107,7 @@ def find_minima(
                 stages=STAGES[-1:], known=known,
             )  # fmt: skip
             if all(apart(final, other) > SAME for other in known):
-                cost, _, hessian = linearise(target, board, evidence, final)
-                found.append(Minimum(board, final, cost, hessian))
+                found.append(Minimum.at(target, board, evidence, final))
         found.sort(key=lambda minimum: minimum.cost)
         alone = alone and len(found) == 1
     return _as_flat_maps(target, found, evidence)
@@ -116,8 +122,7 @@ def _as_flat_maps(target: Target, found: list[Minimum], evidence: Evidence) -> l
             board = expecting(target, board, state)
             state = settle(target, board, evidence, state, stages=STAGES[-1:])
         if all(apart(state, other.state) > SAME for other in settled):
-            cost, _, hessian = linearise(target, board, evidence, state)
-            settled.append(Minimum(board, state, cost, hessian))
+            settled.append(Minimum.at(target, board, evidence, state))
     return sorted(settled, key=lambda minimum: minimum.cost)
 
 
@@ -152,14 +157,14 @@ def expecting(target: Target, board: Board, state: State) -> Board:
     """
     close, normals = target.project(state.positions, facing(board, state.positions))
     on = close + state.height * normals
-    lengths = pair_distances(on, board.pairs) / shortening(on, normals, board.pairs)
+    lengths = pair_lengths(on, board.pairs) / shortening(on, normals, board.pairs)
     drawn = _laid_flat(board, lengths)
     placed = _as_plates(board, on)
     drawn = _as_plates(board, drawn)
     below, out = target.project(placed, facing(board, placed))
     rise = np.einsum("nd,nd->n", placed - below, out) - state.height
-    longer = pair_distances(placed, board.pairs) / np.maximum(
-        pair_distances(drawn, board.pairs), SETTLED
+    longer = pair_lengths(placed, board.pairs) / np.maximum(
+        pair_lengths(drawn, board.pairs), SETTLED
     )
     return replace(
         board,

@@ -38,8 +38,7 @@ def check_layout(layout: ArrayLike) -> FloatArray:
     if (count > 1).any():
         row = int(first[count > 1][0])
         raise InvalidArrayError(f"two taxels of the layout share the place of row {row}")
-    across = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
-    if across[1] < IN_A_ROW * 0.1 * across[0]:
+    if in_a_row(points, 0.1 * IN_A_ROW):
         raise InvalidArrayError(
             f"the {len(points)} taxels of the layout lie in a row: a line could turn about itself"
         )
@@ -58,24 +57,12 @@ def check_layout(layout: ArrayLike) -> FloatArray:
     return points
 
 
-def check_modules(modules: ArrayLike | None, count: int) -> IntArray | None:
-    """Modules (n,) of so many taxels; None where unknown."""
-    if modules is None:
-        return None
-    names = check_whole(modules, "modules")
-    if len(names) != count:
-        raise InvalidArrayError(f"{len(names)} modules for a layout of {count} taxels")
-    return names
-
-
-def check_channels(channels: ArrayLike | None, count: int) -> IntArray:
-    """What so many taxels are called in messages: channels (n,), rows where none are given."""
-    if channels is None:
-        return np.arange(count)
-    names = check_whole(channels, "channels")
-    if len(names) != count:
-        raise InvalidArrayError(f"{len(names)} channels for a layout of {count} taxels")
-    return names
+def check_names(names: ArrayLike, kind: str, count: int) -> IntArray:
+    """A whole number (n,) for each of so many taxels: their "modules", or "channels"."""
+    numbers = check_whole(names, kind)
+    if len(numbers) != count:
+        raise InvalidArrayError(f"{len(numbers)} {kind} for a layout of {count} taxels")
+    return numbers
 
 
 def check_link(vertices: ArrayLike, faces: ArrayLike) -> Link:
@@ -114,12 +101,17 @@ def check_anchors(
     values, count = np.unique(called, return_counts=True)
     if (count > 1).any():
         name = values[count > 1][0]
-        rows = (np.flatnonzero(called == name) + 1).tolist()
+        which = (np.flatnonzero(called == name) + 1).tolist()
         raise InvalidArrayError(
-            f"channel {name} has {len(rows)} anchors (the {_ordinals(rows)}): one taxel is in one "
-            "place; which channels are the others of?"
+            f"channel {name} has {len(which)} anchors (the {_ordinals(which)}): one taxel is in "
+            "one place; which channels are the others of?"
         )
-    _check_twice(where, called)
+    _, first, count = np.unique(where, axis=0, return_index=True, return_counts=True)
+    if (count > 1).any():
+        rows = (where == where[first[count > 1][0]]).all(axis=1)
+        raise InvalidArrayError(
+            f"the anchors of channels {_listed(called[rows])} are at the same point"
+        )
     spread = np.asarray(sigma, np.float64)
     if spread.shape not in ((), (len(where),)):
         raise InvalidArrayError(
@@ -127,7 +119,11 @@ def check_anchors(
         )
     if not (np.isfinite(spread) & (spread > 0)).all():
         raise InvalidArrayError(f"anchor_sigma must be above 0 m, got {spread.min():g}")
-    _check_row(layout[taxels], called)
+    if in_a_row(layout[taxels], IN_A_ROW):
+        raise InvalidArrayError(
+            f"the {len(taxels)} anchors lie in a row on the board: the patch could turn about it "
+            f"(channels {_listed(called)})"
+        )
     check_spread(layout[taxels], where, "anchors")
     _check_near(link, where, called)
     return at_taxels(len(layout), taxels, where, np.broadcast_to(spread, len(where)))
@@ -140,27 +136,15 @@ def _ordinals(numbers: list[int]) -> str:
     return f"{', '.join(words[:-1])} and {words[-1]}"
 
 
-def _check_twice(points: FloatArray, called: IntArray) -> None:
-    _, first, count = np.unique(points, axis=0, return_index=True, return_counts=True)
-    if (count > 1).any():
-        rows = np.flatnonzero((points == points[first[count > 1][0]]).all(axis=1))
-        raise InvalidArrayError(
-            f"the anchors of channels {_listed(called[rows])} are at the same point"
-        )
-
-
 def _listed(names: IntArray) -> str:
     more = ", ..." if len(names) > LISTED else ""
     return f"{', '.join(map(str, names[:LISTED].tolist()))}{more}"
 
 
-def _check_row(places: FloatArray, called: IntArray) -> None:
-    spread = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
-    if spread[1] < IN_A_ROW * spread[0]:
-        raise InvalidArrayError(
-            f"the {len(places)} anchors lie in a row on the board: the patch could turn about it "
-            f"(channels {_listed(called)})"
-        )
+def in_a_row(points: FloatArray, share: float) -> bool:
+    """Whether points (k, d) spread along one direction only, but for a share of it."""
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return bool(spread[1] < share * spread[0])
 
 
 def check_spread(flat: FloatArray, body: FloatArray, kind: str) -> None:
@@ -168,17 +152,22 @@ def check_spread(flat: FloatArray, body: FloatArray, kind: str) -> None:
     ratio = float(np.median(pdist(body)) / np.median(pdist(flat)))
     if RATIO[0] <= ratio <= RATIO[1]:
         return
-    for unit, name in UNITS.items():
-        for what, factor in (("layout", 1.0 / unit), (kind, unit)):
-            if unit != 1.0 and RATIO[0] <= ratio * factor <= RATIO[1]:
-                raise InvalidArrayError(
-                    f"the {kind} lie {ratio:.3g} times as far apart as on the layout: is the "
-                    f"{what} in {name}? Multiply its lengths by {unit:g}"
-                )
+    words = f"the {kind} lie {ratio:.3g} times as far apart as on the layout"
+    mixed = mixed_units(ratio, RATIO, kind, "layout")
+    if mixed:
+        raise InvalidArrayError(f"{words}: {mixed}")
     raise InvalidArrayError(
-        f"the {kind} lie {ratio:.3g} times as far apart as on the layout, expected "
-        f"{RATIO[0]} to {RATIO[1]}: other taxels than named, or another unit"
+        f"{words}, expected {RATIO[0]} to {RATIO[1]}: other taxels than named, or another unit"
     )
+
+
+def mixed_units(ratio: float, fair: tuple[float, float], larger: str, smaller: str) -> str:
+    """Which of two things of a ratio of lengths is in which unit, if that makes the ratio fair."""
+    for unit, name in UNITS.items():
+        for what, factor in ((larger, unit), (smaller, 1.0 / unit)):
+            if unit != 1.0 and fair[0] <= ratio * factor <= fair[1]:
+                return f"is the {what} in {name}? Multiply its lengths by {unit:g}"
+    return ""
 
 
 def _check_near(link: Link, points: FloatArray, called: IntArray) -> None:

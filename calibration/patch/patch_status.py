@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -44,7 +45,13 @@ STRETCHED = 0.03  # rms of strain that was not expected: above, this is not the 
 OFF_SCALE = 3.5  # standard deviations of the scale: above, the board is drawn in another one
 FOLDED = 0.1  # share of the sheet that faces inward: above, it is folded
 
-Finding = tuple[Status, Doubt, str]
+STATUS = {
+    Doubt.WIDE: Status.UNOBSERVABLE,
+    Doubt.COVERAGE: Status.LOW_COVERAGE,
+    Doubt.FEW: Status.LOW_COVERAGE,
+    Doubt.UNSETTLED: Status.NOT_SETTLED,
+}  # that a doubt comes to; all others leave the patch ambiguous
+Finding = tuple[Doubt, str]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -119,9 +126,9 @@ def judge(
         x,
         normals,
         stated,
-        found[0][0] if found else Status.OK,
-        tuple(reason for _, _, reason in found),
-        doubts=tuple(doubt for _, doubt, _ in found),
+        STATUS.get(found[0][0], Status.AMBIGUOUS) if found else Status.OK,
+        tuple(reason for _, reason in found),
+        doubts=tuple(doubt for doubt, _ in found),
         residuals={**residuals, "strain": unexpected},
         left_out=left_out,
         strain=strain,
@@ -131,32 +138,26 @@ def judge(
         scale=best.state.scale,
         height=best.state.height,
         coverage=share,
-        weakest=_weakest(x, covariance),
+        weakest=weakest_motion(x, covariance),
         next_taxels=best_next(everything, float(np.median(evidence.sigma)), NEXT),
     )
 
 
 def _folded(
     target: Target, positions: FloatArray, faces: FloatArray, normals: FloatArray
-) -> list[Finding]:
+) -> Iterator[Finding]:
     """A sheet that is folded, or whose outside looks into the link."""
     area = np.linalg.norm(faces, axis=1)
     inward = np.einsum("nd,nd->n", faces, normals) < 0.0
-    share = float(area[inward].sum() / max(area.sum(), 1e-30))
+    share, allowed = float(area[inward].sum() / max(area.sum(), 1e-30)), FOLDED
     if share <= FOLDED:
         # On a thin shell either side will do for the wrap; the mesh defines its outside.
         behind = target.behind(positions, normals)
-        share = float(area[behind].sum() / max(area.sum(), 1e-30))
-        if share <= 0.5:
-            return []
-    how = "inside out" if share > 0.5 else "folded"
-    return [
-        (
-            Status.AMBIGUOUS,
-            Doubt.FOLDED,
-            f"the sheet is {how}: {100 * share:.0f} % of it faces the inside of the link",
-        )
-    ]
+        share, allowed = float(area[behind].sum() / max(area.sum(), 1e-30)), 0.5
+    if share > allowed:
+        how = "inside out" if share > 0.5 else "folded"
+        words = f"the sheet is {how}: {100 * share:.0f} % of it faces the inside of the link"
+        yield Doubt.FOLDED, words
 
 
 def coverage(layout: FloatArray, places: FloatArray) -> float:
@@ -183,159 +184,112 @@ def _astray(layout: FloatArray, places: FloatArray) -> FloatArray:
     return np.asarray((ASTRAY * gap) ** 2)
 
 
-def _uncovered(share: float, needed: float) -> list[Finding]:
-    if share >= needed:
-        return []
-    return [
-        (
-            Status.LOW_COVERAGE,
+def _uncovered(share: float, needed: float) -> Iterator[Finding]:
+    if share < needed:
+        yield (
             Doubt.COVERAGE,
             f"the evidence spans {100 * share:.0f} % of the patch, at least {100 * needed:.0f} % "
             "are needed: add some near its far ends",
         )
-    ]
 
 
-def _unsettled(moved: float) -> list[Finding]:
+def _unsettled(moved: float) -> Iterator[Finding]:
     """A search that ended for want of steps: the covariance is that of no minimum."""
-    if moved <= ROUGHLY:
-        return []
-    return [
-        (
-            Status.NOT_SETTLED,
-            Doubt.UNSETTLED,
-            f"the solution has not settled: its last step moved a taxel by {1e3 * moved:.2f} mm",
-        )
-    ]
+    if moved > ROUGHLY:
+        words = "the solution has not settled: its last step moved a taxel by"
+        yield Doubt.UNSETTLED, f"{words} {1e3 * moved:.2f} mm"
 
 
-def _doubted(evidence: Evidence, agrees: BoolArray) -> list[Finding]:
+def _doubted(evidence: Evidence, agrees: BoolArray) -> Iterator[Finding]:
     """Touches that are too few, or that contradict each other."""
     count, good = int(evidence.doubted.sum()), int((evidence.doubted & agrees).sum())
-    if count == 0:
-        return []
-    found = []
-    if count < FEWEST_TOUCHES and evidence.doubted.all():
-        found.append(
-            (
-                Status.LOW_COVERAGE,
-                Doubt.FEW,
-                f"{count} touches, at least {FEWEST_TOUCHES} are needed",
-            )
-        )
+    if 0 < count < FEWEST_TOUCHES and evidence.doubted.all():
+        yield Doubt.FEW, f"{count} touches, at least {FEWEST_TOUCHES} are needed"
     if good < ENOUGH_AGREE * count:
-        found.append(
-            (
-                Status.AMBIGUOUS,
-                Doubt.DISAGREE,
-                f"only {good} of {count} touches agree with the patch found: wrong channels, "
-                "a probe that is off, or another link",
-            )
+        yield (
+            Doubt.DISAGREE,
+            f"only {good} of {count} touches agree with the patch found: wrong channels, "
+            "a probe that is off, or another link",
         )
-    return found
 
 
-def _ambiguous(minima: list[Minimum], spacing: float, names: Names) -> list[Finding]:
+def _ambiguous(minima: list[Minimum], spacing: float, names: Names) -> Iterator[Finding]:
     best = minima[0]
     for other in minima[1:]:
         apart = np.linalg.norm(other.state.positions - best.state.positions, axis=1)
         if other.cost - best.cost < RIVAL and np.median(apart) > spacing / 2:
-            return [
-                (
-                    Status.AMBIGUOUS,
-                    Doubt.RIVAL,
-                    f"another place fits as well (cost {other.cost:.1f} against {best.cost:.1f}), "
-                    f"{1e3 * np.median(apart):.1f} mm away: add an anchor where they differ most, "
-                    f"at channel {names.taxel(int(np.argmax(apart)))}",
-                )
-            ]
-    return []
+            yield (
+                Doubt.RIVAL,
+                f"another place fits as well (cost {other.cost:.1f} against {best.cost:.1f}), "
+                f"{1e3 * np.median(apart):.1f} mm away: add an anchor where they differ most, "
+                f"at channel {names.taxel(int(np.argmax(apart)))}",
+            )
+            return
 
 
-def _contradictions(evidence: Evidence, left_out: LeftOut, names: Names) -> list[Finding]:
+def _contradictions(evidence: Evidence, left_out: LeftOut, names: Names) -> Iterator[Finding]:
     """Anchors that are not where all others say."""
-    wrong = ~evidence.doubted & (left_out.misfit > CONTRADICTION)
-    if not wrong.any():
-        return []
-    rows = np.flatnonzero(wrong)
+    rows = np.flatnonzero(~evidence.doubted & (left_out.misfit > CONTRADICTION))
     worst = rows[np.argsort(-left_out.misfit[rows], kind="stable")][:NEXT].tolist()
     words = ", ".join(
         f"{names.of(evidence, row)} ({1e3 * left_out.distance[row]:.1f} mm, expected "
         f"{1e3 * left_out.expected[row]:.1f} mm)"
         for row in worst
     )
-    return [
-        (
-            Status.AMBIGUOUS,
+    if words:
+        yield (
             Doubt.MISFIT,
             f"the anchors contradict each other; furthest from where the others predict it: "
             f"channel {words}",
         )
-    ]
 
 
-def _costly(evidence: Evidence, cost: float) -> list[Finding]:
+def _costly(evidence: Evidence, cost: float) -> Iterator[Finding]:
     """Anchors that together fit worse than their errors explain, though none stands out."""
-    count = len(evidence.sigma)
-    if evidence.doubted.any() or 3 * count <= PLACED:
-        return []
-    most = float(chdtri(3 * count - PLACED, UNLIKELY))
-    if cost <= most:
-        return []
-    return [
-        (
-            Status.AMBIGUOUS,
+    free = 3 * len(evidence.sigma) - PLACED
+    if evidence.doubted.any() or free <= 0:
+        return
+    most = float(chdtri(free, UNLIKELY))
+    if cost > most:
+        yield (
             Doubt.MISFIT,
             f"the anchors together fit worse than their stated errors explain (cost {cost:.0f}, at "
             f"most {most:.0f} expected): one of them may be misplaced, the board of another scale, "
             "or the errors larger",
         )
-    ]
 
 
-def _stretched(strain: FloatArray) -> list[Finding]:
+def _stretched(strain: FloatArray) -> Iterator[Finding]:
     rms = float(np.sqrt(np.mean(strain**2)))
-    if rms <= STRETCHED:
-        return []
-    return [
-        (
-            Status.AMBIGUOUS,
+    if rms > STRETCHED:
+        yield (
             Doubt.STRETCHED,
             f"lengths are stretched by {100 * rms:.1f} % rms to fit: "
             "another board, or anchors on wrong taxels",
         )
-    ]
 
 
-def _off_scale(scale: float) -> list[Finding]:
-    off = abs(float(np.log(scale))) / SCALE
-    if off <= OFF_SCALE:
-        return []
-    return [
-        (
-            Status.AMBIGUOUS,
-            Doubt.SCALE,
-            f"the board would be {100 * abs(scale - 1.0):.1f} % "
-            f"{'larger' if scale > 1.0 else 'smaller'} than it is drawn",
-        )
-    ]
+def _off_scale(scale: float) -> Iterator[Finding]:
+    if abs(float(np.log(scale))) / SCALE > OFF_SCALE:
+        size = "larger" if scale > 1.0 else "smaller"
+        words = f"the board would be {100 * abs(scale - 1.0):.1f} % {size} than it is drawn"
+        yield Doubt.SCALE, words
 
 
-def _unobservable(positions: FloatArray, covariance: FloatArray, spacing: float) -> list[Finding]:
+def _unobservable(
+    positions: FloatArray, covariance: FloatArray, spacing: float
+) -> Iterator[Finding]:
     sd = np.sqrt(np.einsum("nii->n", covariance))
-    if np.median(sd) <= spacing / 2:
-        return []
-    return [
-        (
-            Status.UNOBSERVABLE,
+    if np.median(sd) > spacing / 2:
+        yield (
             Doubt.WIDE,
             f"taxels are known to {1e3 * np.median(sd):.1f} mm only, half a pitch is "
             f"{1e3 * spacing / 2:.1f} mm; the patch {weak_direction(positions, covariance)}",
         )
-    ]
 
 
-def _weakest(positions: FloatArray, covariance: FloatArray) -> str:
+def weakest_motion(positions: FloatArray, covariance: FloatArray) -> str:
+    """How a patch could still move most easily, and by how much, in words."""
     sd = 1e3 * np.sqrt(np.linalg.eigvalsh(covariance.mean(axis=0))[-1])
     return f"most easily the patch {weak_direction(positions, covariance)}, by {sd:.1f} mm (sd)"
 

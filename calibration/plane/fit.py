@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibration.mount.chains import Chain
+from calibration.mount.rigid_mount import some
 from calibration.patch.patch_calibration import Status
-from calibration.patch.patch_status import weak_direction
+from calibration.patch.patch_status import weakest_motion
 from calibration.plane.contacts import Plane, PlaneContacts
 from calibration.plane.model import Patch, PlaneProblem, PlaneState, patch_of
 from calibration.plane.poses import Proposal, most_telling, place_slopes
@@ -25,7 +26,6 @@ from calibration.plane.solve import (
     rivals,
     second_place,
     solve,
-    some,
 )
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
@@ -37,7 +37,6 @@ JOINT_SIGMA = np.deg2rad(0.5)  # what zero positions of joints are off by
 FAR = 0.3  # the felt taxels of every contact lie further from a given plane: it is another [m]
 SURELY, NEVER = 0.9, 0.02  # chances of taxels that are called dead, and stuck
 MISSED_PRESSES = 3.0  # that a dead taxel should have felt
-MM = 1e3
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -254,7 +253,7 @@ def _checked(
     silent = np.flatnonzero(felt_by == 0)
     if len(silent):
         raise InvalidArrayError(
-            f"no taxel is active in {len(silent)} of {len(contacts)} contacts: {some(silent)} "
+            f"no taxel is active in {len(silent)} of {len(contacts)} contacts: {some(silent, 8)} "
             "(counted from 0); leave them out"
         )
     problem = PlaneProblem(contacts, used, joint_sigma, planes is None, surfaces)
@@ -281,15 +280,11 @@ def _check_planes(problem: PlaneProblem, planes: Sequence[Plane]) -> None:
 
 def _longer(state: PlaneState, m: int) -> PlaneState:
     """The state of the first contacts with middling depths for those that came since."""
-    new = state.copy()
-    new.depths = np.concatenate([state.depths, np.zeros(m)])[:m]
-    return new
+    return replace(state.copy(), depths=np.concatenate([state.depths, np.zeros(m)])[:m])
 
 
 def _fewer(state: PlaneState, kept: BoolArray) -> PlaneState:
-    new = state.copy()
-    new.depths = state.depths[kept]
-    return new
+    return replace(state.copy(), depths=state.depths[kept])
 
 
 Faulty = dict[str, tuple[int, ...]]
@@ -359,9 +354,7 @@ def _result(
         first += len(local)
         column = layout.mount[name]
         covariances[name] = C[column : column + 6, column : column + 6]
-        sd = MM * np.sqrt(np.linalg.eigvalsh(own[name].mean(axis=0))[-1])
-        how = weak_direction(places[name], own[name])
-        weakest[name] = f"most easily the patch {how}, by {sd:.1f} mm (sd)"
+        weakest[name] = weakest_motion(places[name], own[name])
     sds = {k: float(np.sqrt(C[column, column])) for k, column in layout.joint.items()}
     judged = judge(own, widening, best, odd, dropped, rival, len(kept), weakest)
     return PlaneFit(

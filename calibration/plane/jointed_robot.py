@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 from calibration.mount.chains import Chain
 from calibration.mount.robot_chains import robot_chain
 from calibration.plane.contacts import Plane, PlaneContacts
-from calibration.plane.poses import Obstacle, clear_of, pressing_poses
+from calibration.plane.poses import Obstacle, pressing_poses
 from skinmap.arrays import FloatArray
 from skinmap.errors import SkinError
 from skinmap.skin.joints import ancestors
@@ -134,7 +134,7 @@ def candidates(
     every, surfaces = [np.zeros((0, contacts.angles.shape[1]))], [np.zeros(0, np.int64)]
     for number, plane in enumerate(planes):
         seen = contacts.angles[contacts.surface == number]
-        kept = [one for one in setup.obstacles if clear_of([one], seen, plane).all()]
+        kept = [one for one in setup.obstacles if (one.height(seen, plane) > 0.0).all()]
         for name, chain in setup.chains.items():
             placed = replace(chain, mount=mounts[name])
             count = 0

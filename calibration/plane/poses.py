@@ -11,8 +11,8 @@ from calibration.mount.chains import Chain
 from calibration.plane.contacts import Plane, PlaneContacts
 from calibration.plane.model import Layout, PlaneProblem, PlaneState, weigh
 from calibration.plane.solve import Solution
-from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.geometry.rigid import tangent_frames, transform_points
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.rigid import motion_slopes, tangent_frames, transform_points
 
 TILT = np.deg2rad(25.0)  # at most between the pressed taxel's normal and the surface's
 LEVER = 0.05  # a turn of a radian counts like so many metres when a pose is sought
@@ -267,18 +267,9 @@ def place_slopes(problem: PlaneProblem, state: PlaneState, layout: Layout) -> Fl
         arm = (patch.chain.taxels + state.shifts[name][patch.module]) @ M[:3, :3].T
         slopes = np.zeros((n, 3, layout.count))
         first = layout.mount[name]
-        slopes[:, :, first : first + 3] = np.cross(np.eye(3)[None], arm[:, None]).transpose(0, 2, 1)
-        slopes[:, :, first + 3 : first + 6] = np.eye(3)
+        slopes[:, :, first : first + 6] = motion_slopes(arm)
         at = layout.shift[name] + 3 * patch.module
         for axis in range(3):
             slopes[np.arange(n), :, at + axis] = M[:3, axis]
         every.append(slopes)
     return np.concatenate(every)
-
-
-def clear_of(obstacles: Sequence[Obstacle], angles: FloatArray, plane: Plane) -> BoolArray:
-    """(m,) whether no obstacle touches the surface."""
-    good = np.ones(len(angles), np.bool_)
-    for obstacle in obstacles:
-        good &= obstacle.height(angles, plane) > 0.0
-    return good

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
+from calibration.mount.rigid_mount import some
 from calibration.patch.patch_calibration import Status
 from calibration.plane.contacts import Plane
 from calibration.plane.model import (
@@ -22,7 +23,7 @@ from calibration.plane.model import (
     Spreads,
 )
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.rigid import transform_points
+from skinmap.geometry.rigid import transform_points, turn_about
 
 COARSE = (12e-3, 6e-3, 3e-3)  # widths of the logistic curve [m]: from starts that are 20 mm off
 COARSE_STEPS, STEPS = 12, 60
@@ -262,11 +263,6 @@ def _first_plane(places: FloatArray, back: FloatArray, kind: str) -> Plane:
     return Plane(middle, normal)
 
 
-def some(rows: Sequence[int] | IntArray, most: int = 8) -> str:
-    """The first few numbers, in words."""
-    return ", ".join(str(int(row)) for row in rows[:most]) + (" ..." if len(rows) > most else "")
-
-
 def rivals(problem: PlaneProblem, best: Solution, start: PlaneState) -> list[Solution]:
     """Minima that half turns of a patch lead to, about each of its own axes.
 
@@ -284,13 +280,8 @@ def rivals(problem: PlaneProblem, best: Solution, start: PlaneState) -> list[Sol
 def _half_turns(places: FloatArray) -> list[FloatArray]:
     """(4, 4) half turns about the principal axes of places (n, 3), through their middle."""
     middle = places.mean(axis=0)
-    turns = []
-    for axis in np.linalg.svd(places - middle, full_matrices=False)[2]:
-        turn = np.eye(4)
-        turn[:3, :3] = 2.0 * np.outer(axis, axis) - np.eye(3)
-        turn[:3, 3] = middle - turn[:3, :3] @ middle
-        turns.append(turn)
-    return turns
+    _, _, axes = np.linalg.svd(places - middle, full_matrices=False)
+    return [turn_about(middle, 2.0 * np.outer(axis, axis) - np.eye(3)) for axis in axes]
 
 
 def _half_turned(state: PlaneState, name: str, turn: FloatArray) -> PlaneState:
@@ -303,14 +294,11 @@ def second_place(problem: PlaneProblem, found: Sequence[Solution]) -> float | No
     for other in found[1:]:
         if other.cost > found[0].cost + RIVAL:
             continue
-        apart = [
-            np.linalg.norm(
-                transform_points(other.state.mounts[name], one.chain.taxels)
-                - transform_points(first.mounts[name], one.chain.taxels),
-                axis=1,
-            ).mean()
-            for name, one in problem.patches.items()
-        ]
+        apart = []
+        for name, one in problem.patches.items():
+            taxels = one.chain.taxels
+            here, there = (transform_points(x.mounts[name], taxels) for x in (first, other.state))
+            apart.append(np.linalg.norm(there - here, axis=1).mean())
         if max(apart) > KNOWN:
             return float(max(apart))
     return None
@@ -342,76 +330,55 @@ def judge(
     judged: list[tuple[Status, str]] = []
     left = [row for row in odd if row not in dropped]
     if left:
-        advice = (
-            "leave them out (--drop-inconsistent) or press again"
-            if len(left) <= MANY_ODD * contacts
-            else "too many to identify the right ones: poses and taxels may not belong together"
+        advice = "leave them out (--drop-inconsistent) or press again"
+        if len(left) > MANY_ODD * contacts:
+            advice = "too many to identify the right ones: poses and taxels may not belong together"
+        words = (
+            f"{len(left)} of {contacts} contacts contradict the others: contacts {some(left, 8)}"
         )
-        judged.append(
-            (
-                Status.AMBIGUOUS,
-                f"{len(left)} of {contacts} contacts contradict the others: contacts "
-                f"{some(left)} (counted from 0); {advice}",
-            )
-        )
+        judged.append((Status.AMBIGUOUS, f"{words} (counted from 0); {advice}"))
     if best.spreads.depth > ROUGH:
-        judged.append(
-            (
-                Status.AMBIGUOUS,
-                f"press depths differ by {MM * best.spreads.depth:.1f} mm (sd): poses and taxels "
-                "do not belong together, or the surface is not flat",
-            )
+        words = (
+            f"press depths differ by {MM * best.spreads.depth:.1f} mm (sd): poses and taxels "
+            "do not belong together, or the surface is not flat"
         )
+        judged.append((Status.AMBIGUOUS, words))
     if rival is not None:
-        judged.append(
-            (
-                Status.AMBIGUOUS,
-                f"another place fits as well, {MM * rival:.1f} mm away: more contacts, from other "
-                "sides",
-            )
-        )
+        words = f"another place fits as well, {MM * rival:.1f} mm away"
+        judged.append((Status.AMBIGUOUS, f"{words}: more contacts, from other sides"))
     for name, covariance in own.items():
-        sd = np.sqrt(np.einsum("nii->n", covariance))
-        if np.percentile(sd, 95) > KNOWN:
+        sd = float(np.percentile(np.sqrt(np.einsum("nii->n", covariance)), 95))
+        if sd > KNOWN:
             # First of all where contacts are too few to tell contradictions from the unknown.
-            first = np.percentile(sd, 95) > KNOWN * np.sqrt(widening)
-            judged.insert(
-                0 if first else len(judged),
-                (
-                    Status.UNOBSERVABLE,
-                    f"taxels of {name} are known to {MM * float(np.percentile(sd, 95)):.1f} mm "
-                    f"only (limit {MM * KNOWN:.0f} mm), {weakest[name]}: press in other poses, "
-                    "`next` lists them",
-                ),
+            first = sd > KNOWN * np.sqrt(widening)
+            words = (
+                f"taxels of {name} are known to {MM * sd:.1f} mm only (limit {MM * KNOWN:.0f} mm), "
+                f"{weakest[name]}: press in other poses, `next` lists them"
             )
+            judged.insert(0 if first else len(judged), (Status.UNOBSERVABLE, words))
     return judged
 
 
 def assumed(problem: PlaneProblem, names: Sequence[str]) -> tuple[str, ...]:
     """Exact nulls, and what decided them."""
     sigma = f"{np.rad2deg(problem.joint_sigma):.2g} degrees"
-    words = []
-    for name, one in problem.patches.items():
-        if len(one.chain.joints):
-            words.append(
-                f"the zero position of {names[int(one.chain.joints[-1])]}, the joint just before "
-                f"{name}, is the same as a turn of the mount about its axis: prior of {sigma}"
-            )
-    first = dict.fromkeys(
-        names[int(one.chain.joints[0])] for one in problem.patches.values() if len(one.chain.joints)
+    joints = {name: one.chain.joints for name, one in problem.patches.items()}
+    ways = {name: [names[int(k)] for k in own] for name, own in joints.items() if len(own)}
+    words = [
+        f"the zero position of {way[-1]}, the joint just before {name}, is the same as a turn of "
+        f"the mount about its axis: prior of {sigma}"
+        for name, way in ways.items()
+    ]
+    if not problem.tilting:
+        deep = "how deep the skin must be pressed before it feels the given plane: prior of 2 mm"
+        return (*words, deep)
+    turned = [
+        f"the zero position of {joint}, the first joint, turns the robot as the unknown plane "
+        f"would turn the other way: prior of {sigma}"
+        for joint in dict.fromkeys(way[0] for way in ways.values())
+    ]
+    high = (
+        "the press depth that all contacts share is the same as the height of the unknown "
+        "plane: the plane is given where the skin begins to feel it"
     )
-    if problem.tilting:
-        words += [
-            f"the zero position of {joint}, the first joint, turns the robot as the unknown plane "
-            f"would turn the other way: prior of {sigma}"
-            for joint in first
-        ]
-        words.append(
-            "the press depth that all contacts share is the same as the height of the unknown "
-            "plane: the plane is given where the skin begins to feel it"
-        )
-    else:
-        words.append(
-            "how deep the skin must be pressed before it feels the given plane: prior of 2 mm"
-        )
-    return tuple(words)
+    return (*words, *turned, high)

@@ -14,10 +14,16 @@ from scipy.spatial.transform import Rotation
 
 from calibration.patch.link_surface import OFFSET, Target, make_target
 from calibration.patch.patch_calibration import Status
-from calibration.patch.patch_evidence import UNITS, check_link
+from calibration.patch.patch_evidence import IN_A_ROW, check_link, in_a_row, mixed_units
 from skinmap.arrays import FloatArray, check_points, freeze
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.rigid import transform_points
+from skinmap.geometry.rigid import (
+    motion_slopes,
+    rigid_fit,
+    rigid_transform,
+    transform_points,
+    turn_about,
+)
 from skinmap.geometry.triangles import face_areas, unit
 from skinmap.imports import import_optional
 from skinmap.summary import Summary, listed, millimetres
@@ -111,11 +117,8 @@ def polish(scene: Scene, pose: FloatArray) -> FloatArray:
     for _ in range(POLISH):
         rows, high, weight, middle = linearised(scene, pose)
         normal = (rows * weight[:, None]).T @ rows + 1e-9 * len(rows) * np.eye(6)
-        step = np.linalg.solve(normal, -(rows * weight[:, None]).T @ high)
-        move = np.eye(4)
-        move[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix()
-        move[:3, 3] = middle + step[3:] - move[:3, :3] @ middle
-        pose = move @ pose
+        step = np.asarray(np.linalg.solve(normal, -(rows * weight[:, None]).T @ high), np.float64)
+        pose = _moved(pose, middle, step)
         if np.abs(step).max() < 1e-9:
             break
     return pose
@@ -144,10 +147,13 @@ def _tukey(distance: FloatArray) -> FloatArray:
 
 def _rounded(pose: FloatArray) -> FloatArray:
     turn = Rotation.from_matrix(pose[:3, :3]).as_rotvec()
-    clean = np.eye(4)
-    clean[:3, :3] = Rotation.from_rotvec(np.round(turn / ROUNDING) * ROUNDING).as_matrix()
-    clean[:3, 3] = np.round(pose[:3, 3] / ROUNDING) * ROUNDING
-    return clean
+    turn, shift = (np.round(own / ROUNDING) * ROUNDING for own in (turn, pose[:3, 3]))
+    return rigid_transform(Rotation.from_rotvec(turn).as_matrix(), shift)
+
+
+def _moved(pose: FloatArray, middle: FloatArray, step: FloatArray) -> FloatArray:
+    """A pose after a turn (a rotation vector [rad]) about a point, and a shift [m]: (6,)."""
+    return turn_about(middle, Rotation.from_rotvec(step[:3]).as_matrix(), step[3:]) @ pose
 
 
 FEWEST_POINTS = 100
@@ -286,16 +292,9 @@ def _check_scan(scan: FloatArray, vertices: FloatArray) -> None:
     ratio = size / max(float(np.linalg.norm(np.ptp(vertices, axis=0))), 1e-12)
     if SIZE[0] <= ratio <= SIZE[1]:
         return
-    for scale, name in UNITS.items():
-        for what, factor in (("scan", scale), ("mesh", 1.0 / scale)):
-            if scale != 1.0 and SIZE[0] <= ratio * factor <= SIZE[1]:
-                raise InvalidArrayError(
-                    f"the scan is {ratio:.3g} times as large as the mesh: is the {what} in {name}? "
-                    f"Multiply its lengths by {scale:g}"
-                )
-    raise InvalidArrayError(
-        f"the scan is {ratio:.3g} times as large as the mesh: another link, or another unit"
-    )
+    words = f"the scan is {ratio:.3g} times as large as the mesh"
+    mixed = mixed_units(ratio, SIZE, "scan", "mesh")
+    raise InvalidArrayError(f"{words}: {mixed or 'another link, or another unit'}")
 
 
 def _start(anchors: tuple[ArrayLike, ArrayLike] | None) -> FloatArray:
@@ -309,34 +308,21 @@ def _start(anchors: tuple[ArrayLike, ArrayLike] | None) -> FloatArray:
         raise InvalidArrayError(
             f"at least 3 pairs of anchors are needed, got {len(here)} and {len(there)} points"
         )
-    middle, other = here.mean(axis=0), there.mean(axis=0)
-    spread = np.linalg.svd(here - middle, compute_uv=False)
-    if spread[1] < 0.05 * spread[0]:
+    if in_a_row(here, IN_A_ROW):
         raise InvalidArrayError(f"the {len(here)} anchors of the scan lie in a row")
-    turn, _ = Rotation.align_vectors(there - other, here - middle)
-    pose = np.eye(4)
-    pose[:3, :3] = turn.as_matrix()
-    pose[:3, 3] = other - turn.apply(middle)
-    return pose
+    return rigid_fit(here, there, np.ones(len(here)))
 
 
 def _starts(start: FloatArray, scan: FloatArray, rng: np.random.Generator) -> list[FloatArray]:
     """Starts around the given one, and half turns about the scan's principal axes."""
     middle = transform_points(start, scan).mean(axis=0)
     _, _, axes = np.linalg.svd(transform_points(start, scan) - middle, full_matrices=False)
-    turns = [np.pi * axis for axis in axes]
-    shifts = [np.zeros(3)] * 3
+    steps = [np.append(np.pi * axis, np.zeros(3)) for axis in axes]
     for _ in range(TRIES):
         way = rng.normal(size=3)
-        turns.append(rng.uniform(0.3, 1.0) * TURN * way / np.linalg.norm(way))
-        shifts.append(rng.uniform(-SHIFT, SHIFT, 3))
-    starts = []
-    for turn, shift in zip(turns, shifts, strict=True):
-        move = np.eye(4)
-        move[:3, :3] = Rotation.from_rotvec(turn).as_matrix()
-        move[:3, 3] = middle - move[:3, :3] @ middle + shift
-        starts.append(move @ start)
-    return starts
+        turn = rng.uniform(0.3, 1.0) * TURN * way / np.linalg.norm(way)
+        steps.append(np.append(turn, rng.uniform(-SHIFT, SHIFT, 3)))
+    return [_moved(start, middle, step) for step in steps]
 
 
 def _distinct(poses: list[FloatArray], scene: Scene) -> list[FloatArray]:
@@ -361,26 +347,16 @@ def _judged(scene: Scene, best: FloatArray, other: FloatArray | None) -> ScanReg
     rms = float(np.sqrt(np.mean(distance[on_mesh] ** 2))) if on_mesh.any() else float("nan")
     free, covariance = free_motions(scene, best)
     ratio = float("inf") if other is None else scene.cost(other) / max(scene.cost(best), 1e-18)
-    found: list[tuple[Status, str]] = [
+    found = [
         (Status.UNOBSERVABLE, f"the shape leaves a motion free: the scan {motion}")
         for motion in free
     ]
     if ratio <= RIVAL and not free:
-        found.append(
-            (
-                Status.AMBIGUOUS,
-                f"another pose fits as well ({100 * (ratio - 1):.1f} % worse): give anchors or a "
-                "better start",
-            )
-        )
+        words = f"another pose fits as well ({100 * (ratio - 1):.1f} % worse)"
+        found.append((Status.AMBIGUOUS, f"{words}: give anchors or a better start"))
     if share < ON_MESH:
-        found.append(
-            (
-                Status.AMBIGUOUS,
-                f"only {100 * share:.0f} % of the scan lie within {1e3 * NEAR:g} mm of the mesh: "
-                "another link, or a start too far off",
-            )
-        )
+        words = f"only {100 * share:.0f} % of the scan lie within {1e3 * NEAR:g} mm of the mesh"
+        found.append((Status.AMBIGUOUS, f"{words}: another link, or a start too far off"))
     return ScanRegistration(
         best,
         found[0][0] if found else Status.OK,
@@ -404,8 +380,7 @@ def carried(
     """
     moved = transform_points(found.T_mesh_scan, places)
     arm = moved - transform_points(found.T_mesh_scan, scan).mean(axis=0)
-    cross = np.cross(arm[:, None, :], np.eye(3)).transpose(0, 2, 1)  # [arm]x
-    jacobian = np.concatenate([-cross, np.tile(np.eye(3), (len(arm), 1, 1))], axis=2)
+    jacobian = motion_slopes(arm)
     covariance = np.einsum("nij,jk,nlk->nil", jacobian, found.covariance, jacobian)
     return moved, covariance + sigma[:, None, None] ** 2 * np.eye(3)
 
@@ -439,10 +414,7 @@ def free_motions(scene: Scene, pose: FloatArray) -> tuple[tuple[str, ...], Float
 
 def _square(scene: Scene, pose: FloatArray, middle: FloatArray, step: FloatArray) -> float:
     """Mean square distance [m2] once a pose is moved by a turn [rad] and a shift [m]."""
-    move = np.eye(4)
-    move[:3, :3] = Rotation.from_rotvec(step[:3]).as_matrix()
-    move[:3, 3] = middle + step[3:] - move[:3, :3] @ middle
-    high = scene.heights(move @ pose)
+    high = scene.heights(_moved(pose, middle, step))
     return float(np.minimum(high**2, WIDTH**2).mean())
 
 

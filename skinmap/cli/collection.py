@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from skinmap.commands.options import named_robot
 from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError
-from skinmap.io.recordings.readers import is_readable, read_recordings, readable
+from skinmap.io.recordings.touch_files import is_readable, read_recordings, readable
 from skinmap.io.text import is_file
 from skinmap.soundness.examination import falsifying
 from skinmap.soundness.track import Track, track_of

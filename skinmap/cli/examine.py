@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from skinmap.commands.options import Written, file_option, named_robot, out_folder, prints
+from skinmap.commands.options import PATH, Written, file_option, named_robot, out_folder, prints
 from skinmap.io.output import staged_file, staged_folder
 from skinmap.report.present import PAGE, emit, show
 from skinmap.report.result import REFUSED_CODE, significant
@@ -15,13 +15,14 @@ from skinmap.report.table import Table
 from skinmap.soundness.examination import Examined
 from skinmap.soundness.finding import Finding
 from skinmap.soundness.track import Track
+from skinmap.summary import first_few
 
 MOST = 3  # stretches of rows in a line
 
 
 @click.command("examine")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...",
-                type=click.Path(path_type=Path))  # fmt: skip
+                type=PATH)  # fmt: skip
 @click.option("--robot", metavar="ROBOT", help="Robot of recordings that do not name theirs.")
 @out_folder("a page with pictures")
 @file_option("--mend", Written(".npz"), "Mended copy of one recording: an NPZ.")
@@ -98,7 +99,6 @@ def _words(found: Finding) -> Iterator[str]:
     mark = "!" if found.matters else " "
     yield f" {mark} {found.kind}: {found.text} ({found.confidence:.0%} sure)"
     if found.rows:
-        spans = ", ".join(f"{a}" if a == b else f"{a} to {b}" for a, b in found.rows[:MOST])
-        more = f" and {len(found.rows) - MOST} more" if len(found.rows) > MOST else ""
-        yield f"     rows {spans}{more}"
+        spans = [f"{a}" if a == b else f"{a} to {b}" for a, b in found.rows]
+        yield f"     rows {first_few(spans, MOST)}"
     yield f"     do: {found.do}"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 import click
 
@@ -277,6 +277,9 @@ class ExportedImages:
     files: list[str]
 
 
+Exported = ExportedTaxels | ExportedModel | ExportedRecording | ExportedTouched | ExportedImages
+
+
 @click.command("export")
 @robot_argument
 @part_option
@@ -288,7 +291,7 @@ class ExportedImages:
 @click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
 @calibration_option
 @retired(profile=NO_PROFILE, read_as="write FORMAT:FILE instead of FILE")
-@prints(ExportedTaxels, ExportedModel, ExportedRecording, ExportedTouched, ExportedImages)
+@prints(*get_args(Exported))
 def command(
     robot: str,
     parts: tuple[str, ...],
@@ -333,52 +336,29 @@ def command(
     Example:  skinmap export touch.mcap --format contacts -o contacts.csv
     Example:  skinmap export recordings --format touched -o touched.csv
     """
-    if format == TOUCHED:
-        if unrepaired:
-            raise click.UsageError("touched is of recordings; leave out --unrepaired")
-        _check_ending(output, format)
-        present(export_touched(Path(robot), parts, output), _touched_lines, as_json=as_json)
-        return
-    if format == IMAGES:
-        if unrepaired:
-            raise click.UsageError("images are of recordings; leave out --unrepaired")
-        present(export_images(Path(robot), parts, output), _image_lines, as_json=as_json)
-        return
-    if calibrations and format != CONTACTS:
+    if calibrations and format not in (TOUCHED, IMAGES, CONTACTS):
         raise click.UsageError("--calibration needs --format contacts")
-    if format in (RERUN, CONTACTS):
-        if not _is_recording(Path(robot)):
-            raise click.UsageError(f"{format} is for recordings, and {robot} is not one")
-        if unrepaired:
-            raise click.UsageError("a recording has no --unrepaired")
-        _check_ending(output, format)
-        if format == RERUN:
-            result = export_rerun(Path(robot), parts, output)
-        else:
-            result = export_contacts(Path(robot), parts, calibrations, output)
-        present(result, _recording_lines, as_json=as_json)
-        return
-    if _is_recording(Path(robot)):
+    recorded = _is_recording(Path(robot))
+    if format in (RERUN, CONTACTS, *FOLDERS) and not recorded:
+        raise click.UsageError(f"{format} is for recordings, and {robot} is not one")
+    result: Exported
+    if recorded and format not in (TOUCHED, IMAGES, RERUN, CONTACTS):
         if format in FORMATS or parts or unrepaired:
             raise click.UsageError(
                 f"a recording is written whole, in the format that -o ends in, or with --format "
                 f"{', '.join(FOLDERS)}"
             )
         result = export_recording(Path(robot), output, format)
-        present(result, _recording_lines, as_json=as_json)
-        return
-    if format in FOLDERS:
-        raise click.UsageError(f"{format} is for recordings, and {robot} is not one")
-    if format == "mjcf":
+    elif format in EXPORTS:
+        why, export = EXPORTS[format]
         if unrepaired:
-            raise click.UsageError("mjcf is of a whole robot; leave out --unrepaired")
-        _check_ending(output, format)
-        present(export_model(robot, parts, output), _model_lines, as_json=as_json)
-        return
-    name, part, table = _table(robot, parts, unrepaired)
-    _check_ending(output, format or "csv")
-    taxels = export_taxels(table, output, format or "csv", name, part)
-    present(taxels, _taxel_lines, as_json=as_json)
+            raise click.UsageError(why)
+        if format != IMAGES:
+            _check_ending(output, format)
+        result = export(robot, parts, output, calibrations)
+    else:
+        result = export_taxels(robot, parts, output, format or "csv", unrepaired=unrepaired)
+    present(result, _lines, as_json=as_json)
 
 
 def _check_ending(output: Path, format: str) -> None:
@@ -398,11 +378,13 @@ def _is_recording(path: Path) -> bool:
 
 
 def export_taxels(
-    table: TaxelTable, output: Path, format: str, robot: str, part: str
+    source: str, parts: tuple[str, ...], output: Path, format: str, *, unrepaired: bool
 ) -> ExportedTaxels:
-    """Write taxels."""
+    """Write the taxels of a part, or of a bare table."""
     from skinmap.io.output import staged_file
 
+    robot, part, table = _table(source, parts, unrepaired)
+    _check_ending(output, format)
     with staged_file(output) as stage:
         _write(table, stage, format, robot, part)
     row = ExportedPart(
@@ -415,7 +397,7 @@ def export_taxels(
     return ExportedTaxels(robot=robot, format=format, parts=[row], files=[str(output)])
 
 
-def export_model(robot: str, parts: tuple[str, ...], output: Path) -> ExportedModel:
+def export_model(robot: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedModel:
     """Write a whole robot with its skins, or those of some parts."""
     from skinmap.io.output import staged_file
     from skinmap.io.robots.mjcf import write_mjcf
@@ -439,7 +421,7 @@ def export_model(robot: str, parts: tuple[str, ...], output: Path) -> ExportedMo
     )
 
 
-def export_touched(path: Path, parts: tuple[str, ...], output: Path) -> ExportedTouched:
+def export_touched(source: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedTouched:
     """Write where the parts of a robot were touched in a recording, or in those of a folder."""
     from skinmap.errors import MissingFileError
     from skinmap.io.output import staged_file
@@ -447,6 +429,7 @@ def export_touched(path: Path, parts: tuple[str, ...], output: Path) -> Exported
     from skinmap.live.touched_taxels import recordings_of, robot_of, touched_in
     from skinmap.touch.prepared_skin import PreparedSkin
 
+    path = Path(source)
     if not path.exists():
         raise MissingFileError(path, "a recording, or a folder of some")
     paths = recordings_of(path)
@@ -482,21 +465,21 @@ def export_touched(path: Path, parts: tuple[str, ...], output: Path) -> Exported
     )
 
 
-def export_images(path: Path, parts: tuple[str, ...], output: Path) -> ExportedImages:
+def export_images(source: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedImages:
     """Write the contact image of each marked touch of a recording."""
     from collections import Counter
 
     import numpy as np
 
     from skinmap.cli.collection import collect
-    from skinmap.errors import DataFormatError, OutputError
+    from skinmap.errors import DataFormatError
     from skinmap.io.output import staged_folder
     from skinmap.io.recordings.image_files import LabelledImages, write_images
     from skinmap.touch.contacts.skin_geometry import pressed
     from skinmap.touch.images.paper_image import SIZE, paper_images
 
-    if output.exists() and (not output.is_dir() or any(output.iterdir())):
-        raise OutputError(f"{str(output)!r} is there already; name a folder that is not")
+    _check_new(output)
+    path = Path(source)
     found = collect([path], None, parts)
     images, kept = [], []
     for one in found.touches:
@@ -525,11 +508,6 @@ def export_images(path: Path, parts: tuple[str, ...], output: Path) -> ExportedI
         without_touch=len(found.touches) - len(kept),
         files=[str(output)],
     )
-
-
-def _image_lines(result: ExportedImages) -> Iterator[str]:
-    counted = ", ".join(f"{count} {label}" for label, count in result.labels.items())
-    yield f"{result.images} images of {result.rows} x {result.columns}: {counted}"
 
 
 @contextmanager
@@ -562,13 +540,14 @@ def _naming(
         yield loop
 
 
-def export_rerun(path: Path, parts: tuple[str, ...], output: Path) -> ExportedRecording:
+def export_rerun(source: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedRecording:
     """Write a recording as a file of rerun, its touches named by the model of Skinmap."""
     from skinmap.imports import import_optional
     from skinmap.io.output import staged_file
     from skinmap.live.rerun_file import NEED, write_rerun
 
     import_optional("rerun", NEED)  # before any work is done
+    path = Path(source)
     with _naming(path, parts) as loop, staged_file(output) as stage:
         skins = {part: one.skin for part, one in loop.skins.items()}
         samples = write_rerun(loop, loop.robot, skins, stage, name=path.name)
@@ -576,7 +555,7 @@ def export_rerun(path: Path, parts: tuple[str, ...], output: Path) -> ExportedRe
 
 
 def export_contacts(
-    path: Path, parts: tuple[str, ...], calibrations: tuple[str, ...], output: Path
+    source: str, parts: tuple[str, ...], output: Path, calibrations: tuple[str, ...]
 ) -> ExportedRecording:
     """Write the touches of a recording as a table, a row for each touch and sample."""
     from skinmap.imports import import_optional
@@ -586,38 +565,49 @@ def export_contacts(
     parquet = output.suffix.lower() == ".parquet"
     if parquet:
         import_optional("pyarrow", NEED)  # before any work is done
-    with _naming(path, parts, calibrations) as loop, staged_file(output) as stage:
+    with _naming(Path(source), parts, calibrations) as loop, staged_file(output) as stage:
         write_contacts(loop, loop.robot, stage, parquet=parquet)
     return _named_recording(loop, CONTACTS, loop.counts.used, output)
 
 
 def _named_recording(loop: TouchLoop, format: str, samples: int, output: Path) -> ExportedRecording:
-    widths = {part: len(one.skin) for part, one in loop.skins.items()}
     return ExportedRecording(
         robot=loop.robot.name,
         format=format,
         kind=loop.info.kind,
         samples=samples,
-        parts=[ChannelsOfPart(name=part, channels=width) for part, width in widths.items()],
+        parts=[
+            ChannelsOfPart(name=part, channels=len(one.skin)) for part, one in loop.skins.items()
+        ],
         files=[str(output)],
     )
 
 
 def export_recording(path: Path, output: Path, format: str | None = None) -> ExportedRecording:
-    """Write a recording as arrays, a data set or a bag."""
+    """Write a recording as arrays, a data set, a bag, or an MCAP that is whole again."""
+    from skinmap.errors import UnknownNameError
+    from skinmap.io.mcap.reading import write_repaired
+    from skinmap.io.output import staged_file
+    from skinmap.io.recordings import learning
     from skinmap.live.sources.open_recording import open_track
 
-    suffix = output.suffix.lower()
+    suffix, mends = output.suffix.lower(), path.suffix.lower() == MCAP
     if format is not None:
         if suffix in (*RECORDINGS, *WRITERS):
             name = output.name
             raise click.UsageError(f"{format} is a folder, {name!r} is the name of a file")
         track = open_track(path)
         _write_folder(track, output, format)
-    elif suffix == MCAP and path.suffix.lower() == MCAP:
-        track = _repaired(path, output)
+    elif suffix == MCAP and mends:
+        with staged_file(output) as stage:
+            track = write_repaired(path, stage)
+    elif suffix in WRITERS:
+        track = open_track(path)
+        with staged_file(output) as stage:
+            getattr(learning, WRITERS[suffix])(track, stage)
     else:
-        track = _written_arrays(path, output, suffix)
+        formats = [*WRITERS, *([MCAP] if mends else [])]
+        raise UnknownNameError("format of a recording for files ending in", suffix, formats)
     pairs = zip(track.parts, track.info.widths, strict=True)
     return ExportedRecording(
         robot=track.info.robot,
@@ -629,74 +619,64 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
     )
 
 
-def _repaired(path: Path, output: Path) -> RecordedStream:
-    from skinmap.io.mcap.reading import write_repaired
-    from skinmap.io.output import staged_file
-
-    with staged_file(output) as stage:
-        return write_repaired(path, stage)
-
-
-def _written_arrays(path: Path, output: Path, suffix: str) -> RecordedStream:
-    from skinmap.errors import UnknownNameError
-    from skinmap.io.output import staged_file
-    from skinmap.io.recordings import learning
-    from skinmap.live.sources.open_recording import open_track
-
-    if suffix not in WRITERS:
-        formats = [*WRITERS, *([MCAP] if path.suffix.lower() == MCAP else [])]
-        raise UnknownNameError("format of a recording for files ending in", suffix, formats)
-    track = open_track(path)
-    with staged_file(output) as stage:
-        getattr(learning, WRITERS[suffix])(track, stage)
-    return track
-
-
 def _write_folder(track: RecordedStream, output: Path, format: str) -> None:
     """Write a folder that is not there yet: readers take all files in it for theirs."""
-    from skinmap.errors import OutputError
-    from skinmap.io.output import staged_folder
-
-    if output.exists() and (not output.is_dir() or any(output.iterdir())):
-        raise OutputError(f"{str(output)!r} is there already; name a folder that is not")
     if format == "lerobot":
         from skinmap.io.recordings.lerobot import write_lerobot as write
     else:
         from skinmap.io.ros2.bag import write_rosbag2 as write
+    from skinmap.io.output import staged_folder
+
+    _check_new(output)
     with staged_folder(output) as stage:
         write(track, stage)
 
 
-def _touched_lines(result: ExportedTouched) -> Iterator[str]:
-    count = len(result.recordings)
-    yield f"{count} recording{'s' * (count > 1)}, {result.seconds:,.1f} s"
-    for row in result.parts:
+def _check_new(folder: Path) -> None:
+    from skinmap.errors import OutputError
+
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise OutputError(f"{str(folder)!r} is there already; name a folder that is not")
+
+
+RECORDED = "a recording has no --unrepaired"
+# For each format what is said of --unrepaired, and who writes it.
+EXPORTS: dict[str, tuple[str, Callable[..., Exported]]] = {
+    TOUCHED: ("touched is of recordings; leave out --unrepaired", export_touched),
+    IMAGES: ("images are of recordings; leave out --unrepaired", export_images),
+    RERUN: (RECORDED, export_rerun),
+    CONTACTS: (RECORDED, export_contacts),
+    "mjcf": ("mjcf is of a whole robot; leave out --unrepaired", export_model),
+}
+
+
+def _lines(result: Exported) -> Iterator[str]:
+    if isinstance(result, ExportedTouched):
+        count = len(result.recordings)
+        yield f"{count} recording{'s' * (count > 1)}, {result.seconds:,.1f} s"
+        for row in result.parts:
+            yield (
+                f"{row.name}: {row.taxels} of {row.of} taxels touched, one {row.most} times, "
+                f"{row.dwell_s:.1f} s at longest, {row.largest:.0f} counts at most"
+            )
+    elif isinstance(result, ExportedImages):
+        counted = ", ".join(f"{count} {label}" for label, count in result.labels.items())
+        yield f"{result.images} images of {result.rows} x {result.columns}: {counted}"
+    elif isinstance(result, ExportedTaxels):
+        for part in result.parts:
+            yield f"{part.name}: {part.taxels} taxels, {part.modules} modules"
+    elif isinstance(result, ExportedModel):
+        taxels = sum(skin.taxels for skin in result.parts)
         yield (
-            f"{row.name}: {row.taxels} of {row.of} taxels touched, one {row.most} times, "
-            f"{row.dwell_s:.1f} s at longest, {row.largest:.0f} counts at most"
+            f"{result.robot}: {result.links} links, {result.joints} joints, "
+            f"{len(result.parts)} skins of {taxels} taxels"
         )
-
-
-def _taxel_lines(result: ExportedTaxels) -> Iterator[str]:
-    for row in result.parts:
-        yield f"{row.name}: {row.taxels} taxels, {row.modules} modules"
-
-
-def _model_lines(result: ExportedModel) -> Iterator[str]:
-    taxels = sum(row.taxels for row in result.parts)
-    yield (
-        f"{result.robot}: {result.links} links, {result.joints} joints, "
-        f"{len(result.parts)} skins of {taxels} taxels"
-    )
-    if result.without_mass:
-        yield f"given a mass of 20 g, since they have none: {', '.join(result.without_mass)}"
-    for one in result.unreadable:
-        yield f"without its mesh: {one}"
-
-
-def _recording_lines(result: ExportedRecording) -> Iterator[str]:
-    channels = sum(part.channels for part in result.parts)
-    yield f"{result.samples} samples of {result.kind} values, {channels} channels"
+        if result.without_mass:
+            yield f"given a mass of 20 g, since they have none: {', '.join(result.without_mass)}"
+        yield from (f"without its mesh: {one}" for one in result.unreadable)
+    else:
+        channels = sum(part.channels for part in result.parts)
+        yield f"{result.samples} samples of {result.kind} values, {channels} channels"
 
 
 def _table(robot: str, parts: tuple[str, ...], unrepaired: bool) -> tuple[str, str, TaxelTable]:

@@ -85,11 +85,7 @@ class Laid:
 @outside_option
 @part_option
 @word("--method", "METHOD", "Flattening method.  [default: balanced]")
-@word(
-    "--meshing",
-    "METHOD",
-    "Surface meshing method.  [default: consensus; the faces of a .json]",
-)
+@word("--meshing", "METHOD", "Surface meshing method.  [default: consensus; the faces of a .json]")
 @word(
     "--compare",
     "M2,M3|drawing[:FILE]|theirs",

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import click
 
-from skinmap.commands.options import open_robot, prints
+from skinmap.commands.options import PATH, open_robot, prints
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.display import has_display, window_class
 from skinmap.display import loads as loads_library
@@ -299,7 +299,7 @@ class RecordingInfo:
 
 
 @click.command("info")
-@click.argument("recording", required=False, type=click.Path(path_type=Path))
+@click.argument("recording", required=False, type=PATH)
 @click.option(
     "--robot",
     metavar="ROBOT",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.commands.options import open_robot, out_file, prints, robot_option
+from skinmap.commands.options import PATH, open_robot, out_file, prints, robot_option
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 
@@ -53,8 +53,8 @@ class LabelResult:
 
 
 @click.command("label")
-@click.argument("recording", type=click.Path(path_type=Path))
-@click.argument("table", required=False, metavar="[TOUCHES.csv]", type=click.Path(path_type=Path))
+@click.argument("recording", type=PATH)
+@click.argument("table", required=False, metavar="[TOUCHES.csv]", type=PATH)
 @out_file(
     "New recording (.mcap or .npz), or its touches (.csv), to edit and to give back.",
     required=True, guarded=False,
@@ -153,7 +153,7 @@ def _check(recording: Path, output: Path, *, changes: bool) -> None:
 def _felt(marks: Marks, path: Path, robot: Robot) -> Marks:
     """The marks under which more than stuck taxels was pressed."""
     from skinmap.io.recordings.marks import Marks
-    from skinmap.io.recordings.readers import read_recordings
+    from skinmap.io.recordings.touch_files import read_recordings
     from skinmap.touch.contacts.grouping import without_stuck
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -255,8 +255,7 @@ def write_marked_recording(recording: Path, output: Path, marks: Marks, robot: R
     from skinmap.io.mcap.reading import write_marked
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.marks import remarked
-    from skinmap.io.recordings.readers import read_recordings
-    from skinmap.io.recordings.touch_files import save_recordings
+    from skinmap.io.recordings.touch_files import read_recordings, save_recordings
 
     with staged_file(output) as stage:
         if recording.suffix.lower() == output.suffix.lower() == ".mcap":

@@ -31,25 +31,16 @@ COMMANDS = {
     "examine": ("skinmap.cli.examine", "Faults of anyone's recording."),
     "export": ("skinmap.cli.export", "Taxels or recordings in the formats of others."),
     "flatten": ("skinmap.cli.flatten", "Flat maps of the skin and what they distort."),
-    "structures": (
-        "skinmap.cli.structures",
-        "Periodic neighbourhood structures of the layout.",
-    ),
+    "structures": ("skinmap.cli.structures", "Periodic neighbourhood structures of the layout."),
     "simulate": ("skinmap.cli.simulate", "Simulated touches on the skin, as a recording."),
     "train": ("skinmap.cli.train", "Train a touch classifier on recordings."),
     "evaluate": (
         "skinmap.cli.evaluate.command",
         "How well classifiers do, by the papers' protocols.",
     ),
-    "trade": (
-        "skinmap.cli.trade",
-        "Speed against accuracy on your own skin, and a profile.",
-    ),
+    "trade": ("skinmap.cli.trade", "Speed against accuracy on your own skin, and a profile."),
     "record": ("skinmap.cli.record", "Record a live source; a killed process loses 0.2 s."),
-    "label": (
-        "skinmap.cli.label",
-        "Name, split, join and delete the touches of a recording.",
-    ),
+    "label": ("skinmap.cli.label", "Name, split, join and delete the touches of a recording."),
     "merge": ("skinmap.cli.merge", "Several recordings as one."),
     "replay": ("skinmap.cli.replay", "Play a recording, and publish it to other programs."),
     "info": ("skinmap.cli.info", "Describe a recording, or the installation."),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.commands.options import out_file, prints
+from skinmap.commands.options import PATH, out_file, prints
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 
@@ -53,9 +53,7 @@ class MergeResult:
 
 
 @click.command("merge")
-@click.argument(
-    "recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path(path_type=Path)
-)
+@click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=PATH)
 @out_file(
     "Recording to write, .mcap or .npz; never one of those that are read.",
     required=True,
@@ -90,8 +88,7 @@ def work(paths: Sequence[Path], output: Path) -> MergeResult:
     from skinmap.commands.overwriting import protect
     from skinmap.errors import OutputError, SkinMismatchError
     from skinmap.io.output import staged_file
-    from skinmap.io.recordings.readers import read_recordings
-    from skinmap.io.recordings.touch_files import check_suffix, save_recordings
+    from skinmap.io.recordings.touch_files import check_suffix, read_recordings, save_recordings
     from skinmap.touch.contacts.grouping import without_stuck
     from skinmap.touch.prepared_skin import PreparedSkin
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.commands.options import out_file, outside_option, prints
+from skinmap.commands.options import PATH, out_file, outside_option, prints
 from skinmap.commands.overwriting import FORCE
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.io.robots.new_manifest import KNOWN_UNITS, NEAR, Candidate
@@ -83,12 +83,12 @@ class SeveralTables(click.Command):
 
 
 @click.command("new", cls=SeveralTables)
-@click.argument("urdf", metavar="ROBOT.urdf", type=click.Path(path_type=Path))
+@click.argument("urdf", metavar="ROBOT.urdf", type=PATH)
 @click.option(
     TABLES,
     "tables",
     metavar="FILE [FILE...]",
-    type=click.Path(path_type=Path),
+    type=PATH,
     multiple=True,
     required=True,
     help="Taxel tables, one for each part.",
@@ -110,16 +110,7 @@ class SeveralTables(click.Command):
 @outside_option
 @retired(profile=NO_PROFILE)
 @prints(NewResult, NewQuestions)
-@click.pass_context
-def command(
-    ctx: click.Context,
-    urdf: Path,
-    tables: tuple[Path, ...],
-    units: str | None,
-    links: tuple[str, ...],
-    output: Path,
-    as_json: bool,
-) -> None:
+def command(as_json: bool, **asked: Any) -> None:
     """Write a manifest for your own robot: its URDF, and one taxel table for each part.
 
     The unit of the positions and the link of each table are found by laying the taxels on the
@@ -130,8 +121,8 @@ def command(
     Example:  skinmap new robot.urdf --taxels forearm.csv -o robot.toml
               skinmap new robot.urdf --taxels *.csv --units mm --link forearm_link -o robot.toml
     """
-    units = "in" if units == "inch" else units
-    result = work(urdf, tables, units, links, output, force=ctx.meta.get(FORCE, False))
+    ctx = click.get_current_context()
+    result = work(**asked, force=ctx.meta.get(FORCE, False))
     if isinstance(result, NewQuestions):
         emit(result) if as_json else show(_questions(result))
         raise click.UsageError(_open(result), ctx)
@@ -140,11 +131,10 @@ def command(
 
 def work(
     urdf: Path,
-    files: Sequence[Path],
+    tables: Sequence[Path],
     units: str | None,
     links: Sequence[str],
     output: Path,
-    *,
     force: bool,
 ) -> NewResult | NewQuestions:
     """Read the files, find units and links, ask where a terminal is there, and write."""
@@ -154,15 +144,16 @@ def work(
     from skinmap.io.taxels.taxel_table import read_taxels
     from skinmap.skin.robot import Robot
 
-    _check(urdf, files, links, output)
+    units = "in" if units == "inch" else units
+    _check(urdf, tables, links, output)
     body = UrdfBody(urdf)
     for link in links:
         if link not in body.links:
             raise UnknownNameError("link", link, body.links)
     robot = Robot(str(read_urdf(urdf).get("name")), body, {})
-    read = dict(zip(part_names(files), map(read_taxels, files), strict=True))
+    read = dict(zip(part_names(tables), map(read_taxels, tables), strict=True))
     given: list[str | None] = [*links] or [None]
-    given *= len(files) if len(given) == 1 else 1
+    given *= len(tables) if len(given) == 1 else 1
     chosen, asked, open_ = [], [], {}
     for (part, table), carrier in zip(read.items(), given, strict=True):
         found, questions = _settle(part, table, robot, units, carrier)
@@ -176,7 +167,7 @@ def work(
         _warn(one, read[one.part], robot, units)
     parts = [
         NewPart(one.part, file, one.units, one.link)
-        for one, file in zip(chosen, files, strict=True)
+        for one, file in zip(chosen, tables, strict=True)
     ]
     return NewResult(
         robot=robot.name,
@@ -290,13 +281,9 @@ def _table(found: Sequence[Candidate], *first: str) -> Table:
 
 
 def _size(lengths: list[float] | None) -> str:
-    return (
-        "-"
-        if lengths is None
-        else " x ".join(
-            f"{length:,.0f}" if length >= 100 else f"{length:.3g}" for length in lengths
-        )
-    )
+    if lengths is None:
+        return "-"
+    return " x ".join(f"{one:,.0f}" if one >= 100 else f"{one:.3g}" for one in lengths)
 
 
 def _questions(result: NewQuestions) -> Iterator[str | Table]:

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from skinmap.commands.options import (
+    PATH,
     calibration_option,
     open_stream,
     out_file,
@@ -74,9 +75,7 @@ class RecordResult:
 @part_option
 @seconds_option("Stop after this time [s].")
 @click.option("--label", metavar="LABEL", help="Mark every touch with this name, to train on.")
-@click.option(
-    "--model", type=click.Path(path_type=Path), help="Mark every touch with a model's label."
-)
+@click.option("--model", type=PATH, help="Mark every touch with a model's label.")
 @click.option(
     "--session",
     metavar="WORDS",

@@ -10,6 +10,7 @@ from typing import Any
 import click
 
 from skinmap.commands.options import (
+    PATH,
     open_robot,
     part_option,
     prints,
@@ -39,7 +40,7 @@ class ReplayResult:
 
 
 @click.command("replay")
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recording", type=PATH)
 @click.option(
     "--robot",
     metavar="ROBOT",

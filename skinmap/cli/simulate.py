@@ -224,19 +224,17 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
 @seed_option
 @prints(SimulateResult, StreamResult)
 def command(
-    robot: str,
-    parts: tuple[str, ...],
     per_gesture: int,
     gestures: tuple[str, ...],
     physics: tuple[str, str],
     output: Path,
     publish: str | None,
     seconds: float | None,
-    seed: int,
     as_json: bool,
     subjects: int,
     variety: str,
     faults: dict[str, Any],
+    **where: Any,
 ) -> None:
     """Simulate touches and write them with event numbers, labels and subjects, or stream them.
 
@@ -253,21 +251,19 @@ def command(
     """
     from skinmap.touch.simulation.variety import variety_of
 
-    number, mujoco = variety_of(variety), physics[0] == "mujoco"
-    paired = PAIRS in gestures
-    gestures = tuple(one for one in gestures if one != PAIRS)
+    mujoco, paired = physics[0] == "mujoco", PAIRS in gestures
+    where["variety"] = variety_of(variety)
+    where["gestures"] = tuple(one for one in gestures if one != PAIRS)
     if paired and (mujoco or publish is not None):
         raise click.UsageError("pairs are of our own simulator, and recorded: leave out pairs")
     raw = bool(faults.pop("raw", False))
     given = {name.replace("-", "_"): value for name, value in faults.items()}
     if "foam_mm" in given:
         given["foam"] = given.pop("foam_mm") / 1e3
+    where["sensing"] = given
     if publish is not None:
         _refuse_given("per_gesture", "output", "subjects", "physics")
-        streamed = publish_touches(
-            robot, parts, publish, gestures=gestures, seconds=seconds, raw=raw, seed=seed,
-            variety=number, sensing=given,
-        )  # fmt: skip
+        streamed = publish_touches(publish, seconds=seconds, raw=raw, **where)
         present(streamed, _stream_lines, as_json=as_json)
         return
     if seconds is not None or raw:
@@ -279,25 +275,25 @@ def command(
             raise click.UsageError(f"{why} --fault foam-mm")
     protect(output)
     result = work(
-        robot, parts, output, per_gesture=per_gesture, gestures=gestures, paired=paired, seed=seed,
-        subjects=subjects, variety=number, sensing=given, variant=physics[1] if mujoco else None,
+        output, per_gesture=per_gesture, paired=paired, subjects=subjects,
+        variant=physics[1] if mujoco else None, **where,
     )  # fmt: skip
     asked = 0 if paired else per_gesture
     present(result, lambda one: _lines(one, asked), as_json=as_json)
 
 
 def work(
-    robot: str,
-    parts: tuple[str, ...],
     output: Path,
     *,
+    robot: str,
+    parts: tuple[str, ...],
     per_gesture: int,
     gestures: tuple[str, ...],
     paired: bool,
     subjects: int,
     variety: float,
     sensing: Mapping[str, Any],
-    variant: str | None = None,
+    variant: str | None,
     seed: int,
 ) -> SimulateResult:
     """Simulate touches on all parts and write them; a `variant` is of MuJoCo's physics."""
@@ -323,17 +319,14 @@ def work(
         for name, rng in zip(names, np.random.default_rng(seed).spawn(len(names)), strict=True):
             skin = loaded.skin(name)
             answers = draw_sensing(0.0 if variant else variety, rng=rng)
-            shared["sensing"] = replace(answers, **sensing)
+            own = {"rng": rng, "sensing": replace(answers, **sensing), **shared}
             if paired:
-                recordings.append(
-                    simulate_pairs(skin, count=per_gesture, rng=rng, variety=variety, **shared)
-                )
-                continue
-            shared["per_gesture"] = per_gesture
-            if variant is not None:
-                recordings.append(press(skin, rng=rng, variant=variant, **shared))
+                made = simulate_pairs(skin, count=per_gesture, variety=variety, **own)
+            elif variant is not None:
+                made = press(skin, per_gesture=per_gesture, variant=variant, **own)
             else:
-                recordings.append(simulate(skin, rng=rng, variety=variety, **shared))
+                made = simulate(skin, per_gesture=per_gesture, variety=variety, **own)
+            recordings.append(made)
         save_recordings(recordings, stage, robot=loaded)
     if variant is not None and output.suffix.lower() != ".npz":
         warnings.warn(
@@ -387,10 +380,10 @@ def _counts(labels: tuple[str, ...], wanted: tuple[str, ...]) -> dict[str, int]:
 
 
 def publish_touches(
-    robot: str,
-    parts: tuple[str, ...],
     spec: str,
     *,
+    robot: str,
+    parts: tuple[str, ...],
     gestures: Sequence[str],
     seconds: float | None,
     raw: bool,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -24,7 +24,6 @@ from skinmap.report.table import Table
 
 if TYPE_CHECKING:
     from skinmap.neighbours.structures import Structures
-    from skinmap.skin.robot import Robot
     from skinmap.touch.prepared_skin import PreparedSkin
 
 Distance = Literal["euclidean", "geodesic"]
@@ -130,16 +129,7 @@ class StructuresResult:
     distance=IN_PROFILE.format('distance = "geodesic"'),
 )
 @prints(StructuresResult)
-def command(
-    robot: str,
-    parts: tuple[str, ...],
-    radius_mm: str,
-    tolerance_mm: float | None,
-    rotations: str,
-    distance: Distance | None,
-    out: Path | None,
-    as_json: bool,
-) -> None:
+def command(out: Path | None, as_json: bool, **asked: Any) -> None:
     """Find the neighbourhood shapes that repeat over all parts asked for, turned by pi/3 or not.
 
     With --out two pictures: the structures, and under each of them its codewords of simulated
@@ -148,12 +138,7 @@ def command(
     \b
     Example:  skinmap structures icub --part right_leg_upper --rotations 6 --out pictures
     """
-    wanted = read_radius(radius_mm)
-    loaded, names = open_robot(robot, parts)
-    tolerance = 1e-3 * (tolerance_mm or TOLERANCE_MM)
-    result, skins, found = work(
-        loaded, names, wanted, tolerance, int(rotations), distance or "euclidean"
-    )
+    result, skins, found = work(**asked)
 
     def write(stage: Path) -> Iterator[str]:
         from skinmap.report.structure_figures import codewords_figure, structures_figure
@@ -167,50 +152,39 @@ def command(
 
 
 def work(
-    robot: Robot,
+    robot: str,
     parts: tuple[str, ...],
-    radius: float | None,
-    tolerance: float,
-    rotations: int,
-    distance: Distance,
+    radius_mm: str,
+    rotations: str,
+    tolerance_mm: float | None = None,
+    distance: Distance | None = None,
 ) -> tuple[StructuresResult, dict[str, PreparedSkin], Structures]:
-    """The numbers, the skins by part, and the structures on them.
-
-    Parameters
-    ----------
-    robot : Robot
-    parts : tuple of str
-    radius : float or None
-        Of a neighbourhood [m]; None chooses it between two rings of the lattice.
-    tolerance : float
-        How far neighbours may stray [m].
-    rotations : int
-    distance : {"euclidean", "geodesic"}
-    """
+    """The numbers, the skins by part, and the structures on them; the last two from a profile."""
     from skinmap.neighbours.offsets import LATTICE, auto_radius, concatenate
     from skinmap.neighbours.structures import RADIUS, find_structures
     from skinmap.touch.prepared_skin import PreparedSkin
 
-    skins = {name: PreparedSkin(robot.skin(name)) for name in parts}
-    asked = radius
-    if radius is None:
-        radius = auto_radius([skin.skin.positions for skin in skins.values()], near=RADIUS)
-    symmetry = rotations if rotations > 1 else LATTICE
+    asked, turns, distance = read_radius(radius_mm), int(rotations), distance or "euclidean"
+    tolerance = 1e-3 * (tolerance_mm or TOLERANCE_MM)
+    loaded, names = open_robot(robot, parts)
+    skins = {name: PreparedSkin(loaded.skin(name)) for name in names}
+    radius = asked or auto_radius([skin.skin.positions for skin in skins.values()], near=RADIUS)
+    symmetry = turns if turns > 1 else LATTICE
     hoods = [
         skin.neighbourhoods(radius=radius, distance=distance, symmetry=symmetry)
         for skin in skins.values()
     ]
-    found = find_structures(concatenate(hoods), tolerance=tolerance, rotations=rotations)
+    found = find_structures(concatenate(hoods), tolerance=tolerance, rotations=turns)
     counts, filled = found.counts, found.prototypes.filled.sum(axis=1)
     without = int((found.labels < 0).sum())
     rare = int(counts[counts < RARE].sum()) + without
     result = StructuresResult(
-        robot=robot.name,
-        parts=list(parts),
+        robot=loaded.name,
+        parts=list(names),
         radius_mm=radius * 1e3,
         radius_is="auto" if asked is None else "requested",
         tolerance_mm=tolerance * 1e3,
-        rotations=rotations,
+        rotations=turns,
         distance=distance,
         structures=len(found.prototypes),
         taxels=len(found.labels),
@@ -233,5 +207,4 @@ def _lines(result: StructuresResult) -> Iterator[str | Table]:
         f"({100.0 * result.rare_share:.1f} %) in structures with fewer than {RARE} members, "
         f"{result.leftovers} of them alone"
     )
-    rows = [[row.structure, row.taxels, row.neighbours] for row in result.table]
-    yield Table(["structure", "taxels", "neighbours"], rows)
+    yield Table.of(StructureRow, result.table, "structure taxels neighbours")

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -69,15 +69,7 @@ ALL = "all"
     seed="touches are drawn by the numbers of --seeds, from 0",
 )
 @prints(TradeResult)
-def command(
-    robot: str,
-    parts: tuple[str, ...],
-    names: tuple[str, ...],
-    max_ms: tuple[str, ...],
-    seeds: int,
-    out: Path | None,
-    as_json: bool,
-) -> None:
+def command(out: Path | None, as_json: bool, **asked: Any) -> None:
     """Measure the time and error of each setting, and recommend one for each task.
 
     Recommended is the least error within the time there is: one sample of a stream, or what the
@@ -89,9 +81,7 @@ def command(
     Example:  skinmap trade icub --part right_forearm --out trade
               skinmap trade icub --part torso --task flatten --max-ms 20 --json
     """
-    chosen, lost = _tasks(names)
-    limits = _limits(max_ms, chosen)
-    result = work(chosen, limits, robot, parts, range(seeds), lost, out)
+    result = work(**asked, profile=None if out is None else str(out / PROFILE))
     present(
         result,
         lines,
@@ -104,13 +94,12 @@ def command(
 
 
 def work(
-    tasks: Mapping[str, TradeTask],
-    limits: Mapping[str, float],
     robot: str,
     parts: tuple[str, ...],
-    seeds: range,
-    lost: Sequence[Unmeasured] = (),
-    out: Path | None = None,
+    names: tuple[str, ...],
+    max_ms: tuple[str, ...],
+    seeds: int,
+    profile: str | None,
 ) -> TradeResult:
     """Measure every setting of every task, and choose one of each.
 
@@ -123,38 +112,39 @@ def work(
     from skinmap.trade.front import pareto
     from skinmap.trade.measuring import measure
 
+    chosen, failed = _tasks(names)
+    limits = _limits(max_ms, chosen)
     loaded, wanted = open_robot(robot, parts)
     points: list[Point] = []
-    failed = list(lost)
     recommended: dict[str, Recommended] = {}
-    with progress(sum(map(_count, tasks.values())) * len(seeds), "trade") as advance:
+    with progress(sum(map(_count, chosen.values())) * seeds, "trade") as advance:
         measured = {
-            name: measure(task, loaded, wanted, seeds=seeds, progress=advance)
-            for name, task in tasks.items()
+            name: measure(task, loaded, wanted, seeds=range(seeds), progress=advance)
+            for name, task in chosen.items()
         }
     for name, (own, unmeasured) in measured.items():
         failed += unmeasured
         points += [replace(one, pareto=on) for one, on in zip(own, pareto(own), strict=True)]
         if own:
-            recommended[name] = _recommended(tasks[name], own, limits.get(name))
+            recommended[name] = _recommended(chosen[name], own, limits.get(name))
     if not points:
         said = "; ".join(f"{one.task}: {one.reason}" for one in failed[:3])
         raise SkinError(f"nothing could be measured: {said}")
     return TradeResult(
         robot=robot,
         parts=list(wanted),
-        seed=seeds.start,
-        seeds=len(seeds),
+        seed=0,
+        seeds=seeds,
         tasks=[
             TaskRow(
                 task=one.name, work=one.work, unit=one.unit, truth=one.truth, knobs=list(one.knobs)
             )
-            for one in tasks.values()
+            for one in chosen.values()
         ],
         points=points,
         recommended=recommended,
         failed=failed,
-        profile=None if out is None else str(out / PROFILE),
+        profile=profile,
     )
 
 

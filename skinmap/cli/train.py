@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
 from skinmap.commands.options import (
+    PATH,
     Whole,
     out_file,
     part_option,
@@ -29,7 +31,6 @@ if TYPE_CHECKING:
     from numpy.random import Generator
 
     from skinmap.cli.collection import Collection
-    from skinmap.recognition.classifier import TouchClassifier
     from skinmap.recognition.descriptors import Touch
 
     Touches = list[Touch]
@@ -158,9 +159,7 @@ class TrainResult:
 
 
 @click.command("train")
-@click.argument(
-    "recordings", nargs=-1, required=True, metavar="RECORDING...", type=click.Path(path_type=Path)
-)
+@click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=PATH)
 @robot_option
 @part_option
 @click.option(
@@ -201,19 +200,7 @@ class TrainResult:
     **{name: f"set {name} in the table [classify] of a profile" for name in IN_PROFILE},
 )
 @prints(TrainResult)
-def command(
-    recordings: tuple[Path, ...],
-    robot: str | None,
-    parts: tuple[str, ...],
-    classifier: str,
-    output: Path,
-    with_simulated: int | None,
-    groups: str | None,
-    motion: str | None,
-    seed: int,
-    as_json: bool,
-    **knobs: Any,
-) -> None:
+def command(as_json: bool, **asked: Any) -> None:
     """Train on RECORDINGS, files and folders of them, of one robot or several.
 
     The parts given are trained on, all that were recorded by default. A third of the touches is
@@ -228,36 +215,20 @@ def command(
               skinmap train poke.mcap rub.mcap monday/ --with-simulated 20
               skinmap train t.npz --groups "hand=poke,whole_hand;other=elbow,ball"
     """
-    from skinmap.recognition.answering import read_groups
-
-    grouped = None if groups is None else read_groups(groups)
-    said = () if motion is None else tuple(one.strip() for one in motion.split(","))
-    own = _own_knobs(classifier, knobs)
-    chosen = Training(classifier, parts, seed, with_simulated or 0, own, grouped, said)
-    present(work(recordings, robot, output, chosen), _lines, as_json=as_json)
-
-
-@dataclass(frozen=True, slots=True)
-class Training:
-    """What is trained: a classifier and its knobs, on which parts, with how much simulation."""
-
-    classifier: str
-    parts: tuple[str, ...]
-    seed: int
-    simulated: int
-    knobs: dict[str, Any]
-    groups: Mapping[str, Sequence[str]] | None = None
-    motions: tuple[str, ...] = ()
-
-    def untrained(self) -> TouchClassifier:
-        """The classifier before training; knobs that do not concern it are refused."""
-        from skinmap.recognition.classifier_options import tuned_classifier
-
-        return tuned_classifier(self.classifier, self.knobs)
+    present(work(**asked), _lines, as_json=as_json)
 
 
 def work(
-    recordings: Sequence[Path], robot: str | None, output: Path, chosen: Training
+    recordings: Sequence[Path],
+    robot: str | None,
+    parts: tuple[str, ...],
+    classifier: str,
+    output: Path,
+    with_simulated: int | None,
+    groups: str | None,
+    motion: str | None,
+    seed: int,
+    **knobs: Any,
 ) -> TrainResult:
     """Train, write the model, and test it on what it has not seen."""
     import numpy as np
@@ -266,46 +237,55 @@ def work(
     from skinmap.io.output import staged_file
     from skinmap.neighbours.offsets import auto_radius
     from skinmap.neighbours.structures import RADIUS
-    from skinmap.recognition.answering import check_groups, check_motions, learn_answers
+    from skinmap.recognition.answering import (
+        check_groups,
+        check_motions,
+        learn_answers,
+        read_groups,
+    )
     from skinmap.recognition.classifier import WITH_SETS
+    from skinmap.recognition.classifier_options import tuned_classifier
     from skinmap.recognition.evaluate import score
     from skinmap.recognition.few_shot import is_few, score_in_turn
     from skinmap.recognition.model_file import save_classifier
 
-    knobs = chosen.knobs
+    grouped = None if groups is None else read_groups(groups)
+    said = () if motion is None else tuple(one.strip() for one in motion.split(","))
+    knobs = _own_knobs(classifier, knobs)
+    untrained = partial(tuned_classifier, classifier, knobs)
     auto = knobs.get("radius_mm") == "auto"
     if knobs.get("radius_mm") is not None:
         knobs["radius_mm"] = round(1e3 * (read_radius(str(knobs["radius_mm"])) or RADIUS), 9)
-    chosen.untrained()  # refuses knobs before anything is read
+    untrained()  # refuses knobs before anything is read
     found = collect(recordings, robot)
     if auto:
         skins = {part: one.skin.positions for (_, part), one in found.skins.items()}
         knobs["radius_mm"] = 1e3 * auto_radius(list(skins.values()), near=RADIUS)
-    rng = np.random.default_rng(chosen.seed)
-    train, same, other = _split(found, chosen.parts, rng)
+    rng = np.random.default_rng(seed)
+    train, same, other = _split(found, parts, rng)
     names = sorted({touch.label for touch in train})
-    if chosen.groups is not None:
-        check_groups(chosen.groups, names)
-    motions = check_motions(chosen.motions, names)
-    extra = _simulated(found, train, chosen.simulated, rng)
+    if grouped is not None:
+        check_groups(grouped, names)
+    motions = check_motions(said, names)
+    extra = _simulated(found, train, with_simulated or 0, rng)
     few = is_few(train + same)
     if few:
         train, same = train + same, []
     with staged_file(output) as stage:
-        model = chosen.untrained()
-        model.fit(train + extra, rng=rng, sets=chosen.classifier in WITH_SETS)
-        learn_answers(model, train + extra, groups=chosen.groups, motions=motions, rng=rng)
+        model = untrained()
+        model.fit(train + extra, rng=rng, sets=classifier in WITH_SETS)
+        learn_answers(model, train + extra, groups=grouped, motions=motions, rng=rng)
         save_classifier(model, stage)
-    seen = score_in_turn(chosen.untrained, train, extra, rng=rng) if few else score(model, same)
+    seen = score_in_turn(untrained, train, extra, rng=rng) if few else score(model, same)
     unseen = score(model, other)
     people = {name: count for name, count in found.count("person").items() if name}
     return TrainResult(
-        classifier=chosen.classifier,
+        classifier=classifier,
         settings={name: value for name, value in knobs.items() if value is not None},
         labels=list(model.labels),
         touches=len(train) + len(extra),
         simulated=dict(sorted(Counter(touch.label for touch in extra).items())),
-        seed=chosen.seed,
+        seed=seed,
         tested_by="cross_validation" if few else "held_out",
         accuracy=Accuracy(same_parts=seen.accuracy, other_parts=unseen.accuracy),
         tested=Tested(same_parts=seen.touches, other_parts=unseen.touches),
@@ -313,7 +293,7 @@ def work(
         skins=_skins(found),
         people=people,
         sessions=found.count("session"),
-        groups={name: list(own) for name, own in (chosen.groups or {}).items()},
+        groups={name: list(own) for name, own in (grouped or {}).items()},
         kinds=[name for name in names if name not in motions],
         motions=list(motions),
         warnings=list(found.doubts()),

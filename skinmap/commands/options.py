@@ -89,6 +89,7 @@ class Written(click.Path):
         return super().convert(value, param, ctx)
 
 
+PATH = click.Path(path_type=Path)
 PICTURE = Written(".png", ".jpg", ".jpeg", ".webp", ".bmp", ".tif", ".tiff")
 PAGE = Written(".html", ".htm")
 F = TypeVar("F", bound=Callable[..., Any])
@@ -103,30 +104,26 @@ RESULTS = "__results__"
 
 
 outside_option = retired(allow_outside=f"set {OUTSIDE}=1 in the environment")
-_robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
-_shown_argument = click.argument("robot", required=False, metavar="[ROBOT|RECORDING|FOLDER]")
-_robot_option = click.option(
-    "--robot",
-    metavar="ROBOT",
-    help="Robot that was recorded.  [default: the recording's, else icub]",
+
+
+def _of_robot(parameter: Callable[[Any], Any]) -> Callable[[F], F]:
+    """A parameter that names a robot, whose manifest may look outside its folder."""
+    return lambda command: parameter(outside_option(command))
+
+
+robot_argument = _of_robot(click.argument("robot", default="icub", metavar="[ROBOT]"))
+# For commands that may be given a recording, which knows its own.
+shown_argument = _of_robot(
+    click.argument("robot", required=False, metavar="[ROBOT|RECORDING|FOLDER]")
 )
-
-
-def robot_argument(command: F) -> F:
-    """The robot as an argument."""
-    return _robot_argument(outside_option(command))
-
-
-def shown_argument(command: F) -> F:
-    """The robot as an argument, for commands that may be given a recording, which knows its own."""
-    return _shown_argument(outside_option(command))
-
-
-def robot_option(command: F) -> F:
-    """The robot as an option, for commands whose argument is a recording."""
-    return _robot_option(outside_option(command))
-
-
+# For commands whose argument is a recording.
+robot_option = _of_robot(
+    click.option(
+        "--robot",
+        metavar="ROBOT",
+        help="Robot that was recorded.  [default: the recording's, else icub]",
+    )
+)
 part_option = click.option(
     "--part",
     "parts",
@@ -213,22 +210,14 @@ def results_of(command: click.Command) -> dict[str, Kinds]:
 
 MAX_SEED = 4_000_000_000  # scikit-learn's seeds have 32 bits, and repetitions count on from it
 seed_option = click.option(
-    "--seed",
-    type=Whole(0, MAX_SEED),
-    default=0,
-    show_default=True,
-    help="Seed of all randomness.",
+    "--seed", type=Whole(0, MAX_SEED), default=0, show_default=True, help="Seed of all randomness."
 )
 
 
 def per_gesture_option(help: str) -> Callable[[F], F]:
     """`--per-gesture`: how many touches of each kind are simulated."""
     return click.option(
-        "--per-gesture",
-        type=Whole(1, MAX_TOUCHES),
-        default=20,
-        show_default=True,
-        help=help,
+        "--per-gesture", type=Whole(1, MAX_TOUCHES), default=20, show_default=True, help=help
     )
 
 
@@ -456,7 +445,7 @@ def _recorded_robot(ctx: click.Context | None) -> str:
         given += list(ctx.params.get(several) or ())
     for path in (Path(one) for one in given if one):
         if path.suffix.lower() in RECORDED and path.is_file():
-            from skinmap.io.recordings.readers import recorded_robot
+            from skinmap.io.recordings.touch_files import recorded_robot
 
             said = recorded_robot(path)
             if said.endswith(".toml") and not Path(said).is_file():

@@ -96,12 +96,8 @@ def protect(
 
 def _name(ctx: click.Context) -> str:
     """Of a command below `skinmap`, as "calibrate wrap"."""
-    names: list[str] = []
-    above: click.Context | None = ctx
-    while above is not None and (above.parent is not None or not names):
-        names.insert(0, above.info_name or "")
-        above = above.parent
-    return " ".join(names)
+    root = ctx.find_root().info_name or ""
+    return ctx.command_path.removeprefix(root).strip() or root
 
 
 def _files(output: Path) -> Iterator[tuple[str, list[int]]]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_array, csc_array, diags_array
 
-from skinmap.arrays import FloatArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.flat.disc import Disc
 from skinmap.flat.factorisation import factorise
 from skinmap.geometry.topology import edges
@@ -17,11 +17,15 @@ from skinmap.geometry.topology import edges
 
 def uniform_on_circle(disc: Disc) -> FloatArray:
     """(n, 2) every inner vertex in the middle of its neighbours (Tutte 1963) [m]."""
-    n = len(disc.vertices)
-    pairs = edges(disc.faces)
+    return _extend(disc, uniform_laplacian(disc.faces, len(disc.vertices)))
+
+
+def uniform_laplacian(faces: IntArray, n: int) -> csc_array:
+    """(n, n) number of neighbours less the neighbours of each vertex."""
+    pairs = edges(faces)
     half = coo_array((np.ones(len(pairs)), pairs.T), shape=(n, n)).tocsc()
     degree = np.bincount(pairs.ravel(), minlength=n).astype(np.float64)
-    return _extend(disc, (diags_array(degree) - half - half.T).tocsc())
+    return (diags_array(degree) - half - half.T).tocsc()
 
 
 def harmonic_on_circle(disc: Disc) -> FloatArray:

@@ -11,7 +11,7 @@ from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import UnknownNameError
 from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.flat_map import Chart, FlatMap
-from skinmap.geometry.topology import half_edges
+from skinmap.geometry.topology import border_edges
 from skinmap.geometry.triangles import cross_products, signed_areas
 
 
@@ -108,9 +108,7 @@ def worst_faces(chart: Chart, metric: FaceMetric, most: int) -> tuple[IntArray, 
 
 def seam_edges(chart: Chart) -> IntArray:
     """(s, 2) border edges of a chart that were one edge before it was cut open."""
-    directed = half_edges(chart.faces)
-    n = int(chart.faces.max()) + 1
-    border = directed[~np.isin(directed @ [n, 1], directed[:, ::-1] @ [n, 1])]
+    border = border_edges(chart.faces)
     ends = np.sort(chart.taxels[border], axis=1)
     _, number, count = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
     return np.asarray(border[count[number.ravel()] > 1])

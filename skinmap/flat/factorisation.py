@@ -40,15 +40,14 @@ def factorise(matrix: csc_array, *, solver: str | None = None) -> Solve:
         The matrix is singular.
     """
     if solver is None:
-        solver = "scikit-sparse" if "scikit-sparse" in solvers() else "scipy"
+        solver = solvers()[-1]
     return _FACTORISERS[solver](csc_array(matrix))
 
 
 @cache
 def solvers() -> tuple[str, ...]:
     """Names of the solvers installed here."""
-    optional = {"cholespy": "cholespy", "scikit-sparse": "sksparse"}
-    return ("scipy", *(name for name, module in optional.items() if find_spec(module)))
+    return ("scipy", "scikit-sparse") if find_spec("sksparse") else ("scipy",)
 
 
 def _scipy(matrix: csc_array) -> Solve:
@@ -75,29 +74,6 @@ def _scipy(matrix: csc_array) -> Solve:
     return solve
 
 
-def _cholespy(matrix: csc_array) -> Solve:
-    import cholespy
-
-    try:
-        factor = cholespy.CholeskySolverD(
-            matrix.shape[0],
-            matrix.indptr.astype(np.int32),
-            matrix.indices.astype(np.int32),
-            matrix.data,
-            cholespy.MatrixType.CSC,
-        )
-    except ValueError:  # rounding made a tiny pivot negative; LU goes on where Cholesky stops
-        return _scipy(matrix)
-
-    def solve(right: FloatArray) -> FloatArray:
-        columns = np.array(right.reshape(len(right), -1), np.float64, order="C")
-        solution = np.zeros_like(columns)
-        factor.solve(columns, solution)
-        return solution.reshape(right.shape)
-
-    return solve
-
-
 def _scikit_sparse(matrix: csc_array) -> Solve:
     try:
         from sksparse.cholmod import CholmodError, cholesky
@@ -112,6 +88,5 @@ def _scikit_sparse(matrix: csc_array) -> Solve:
 
 _FACTORISERS: dict[str, Callable[[csc_array], Solve]] = {
     "scipy": _scipy,
-    "cholespy": _cholespy,
     "scikit-sparse": _scikit_sparse,
 }

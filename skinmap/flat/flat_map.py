@@ -18,7 +18,6 @@ from skinmap.flat.budget import check_budget
 from skinmap.flat.disc_map import DEFAULT, HOLE_SHARE, DiscMap, flatten_disc, map_disc
 from skinmap.flat.distortion import Distortion, edge_rms, measure_distortion
 from skinmap.flat.methods import check_effort, flatteners
-from skinmap.flat.periodic import METHOD as PERIODIC
 from skinmap.flat.periodic import periodic_map, tube_rims
 from skinmap.flat.seam_choice import Divided, add_seams, seam_of_touches
 from skinmap.flat.seams import CutMesh, open_surface, price_of, touch_counts
@@ -386,9 +385,8 @@ def _rolled_out(vertices: FloatArray, faces: IntArray, where: str) -> _Opened | 
     """
     rims = tube_rims(vertices, faces, HOLE_SHARE)
     if rims is not None:
-        found = periodic_map(vertices, faces, rims, hole_share=HOLE_SHARE, where=where)
-        flat = DiscMap(found.uv, PERIODIC, False, found.holes)
-        return _Opened(CutMesh(found.faces, found.origin, 0.0), flat, periodic=True)
+        laid = periodic_map(vertices, faces, rims, hole_share=HOLE_SHARE, where=where)
+        return _Opened(*laid, periodic=True)
     if open_surface(vertices, faces, hole_share=HOLE_SHARE).seam_length > 0.0:
         raise FlatteningError(
             f"{where} is not a tube: without a seam only tubes and discs lie flat"

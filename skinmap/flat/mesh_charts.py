@@ -14,10 +14,10 @@ from skinmap.arrays import FloatArray, IntArray, check_faces, check_points
 from skinmap.errors import InvalidMeshError, SkinWarning
 from skinmap.flat.flat_map import FlatMap, flatten
 from skinmap.flat.seams import split_along
-from skinmap.geometry.topology import face_components, half_edges
+from skinmap.geometry.topology import edge_keys, half_edges
 from skinmap.geometry.triangles import smallest_altitudes, vertex_normals
 from skinmap.skin.skin import Skin
-from skinmap.surface.surface_mesh import SurfaceMesh
+from skinmap.surface.surface_mesh import SurfaceMesh, by_size
 
 NO_AREA = 1e-12  # altitude against the size of the mesh: flatter triangles join nothing
 STRAIGHT = 0.75  # cosine: faces that bend less than 41 degrees at a crowded edge stay one sheet
@@ -91,16 +91,16 @@ def mesh_surface(vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh") -
     origin = origin[apart]
     order = np.argsort(origin, kind="stable")  # rows of the file keep their order
     opened, origin = np.argsort(order)[opened], origin[order]
-    label = face_components(opened)
-    if label.max() >= MAX_COMPONENTS:
+    patches = by_size(opened)
+    if patches.max() >= MAX_COMPONENTS:
         raise InvalidMeshError(
-            f"{name} falls into {label.max() + 1} pieces, at most {MAX_COMPONENTS}: a soup of "
+            f"{name} falls into {patches.max() + 1} pieces, at most {MAX_COMPONENTS}: a soup of "
             "triangles whose corners nearly meet?"
         )
     corners = points[origin]
     normals = vertex_normals(corners, opened)
     skin = Skin(name, "", origin, np.zeros(len(origin), np.int64), corners, normals)
-    return SurfaceMesh(skin, opened, np.arange(len(origin)), _by_size(label))
+    return SurfaceMesh(skin, opened, np.arange(len(origin)), patches)
 
 
 def _with_area(vertices: FloatArray, faces: IntArray) -> IntArray:
@@ -161,21 +161,13 @@ def _oriented(faces: IntArray) -> IntArray:
     """Faces that turn the way their neighbours do; as they came where they do already."""
     import igl
 
-    directed = half_edges(faces)
-    n = int(faces.max()) + 1
-    if len(np.unique(directed @ [n, 1])) == len(directed):
+    if _all_differ(edge_keys(faces)):
         return faces
-    turned, _ = igl.bfs_orient(faces)
-    turned = np.asarray(turned, np.int64)
-    directed = half_edges(turned)
-    if len(np.unique(directed @ [n, 1])) != len(directed):
+    turned = np.asarray(igl.bfs_orient(faces)[0], np.int64)
+    if not _all_differ(edge_keys(turned)):
         raise InvalidMeshError("the surface has one side only, as a Moebius strip: cut it first")
     return turned
 
 
-def _by_size(label: IntArray) -> IntArray:
-    """(m,) patch of each face, the component with the most faces first."""
-    order = np.argsort(-np.bincount(label), kind="stable")
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    return np.asarray(rank[label])
+def _all_differ(keys: IntArray) -> bool:
+    return len(np.unique(keys)) == len(keys)

@@ -14,55 +14,31 @@ and applications to 3D mesh parameterization", Computer Aided Geometric Design 2
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array, diags_array
+from scipy.sparse import coo_array, csr_array
 
-from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import FlatteningError
+from skinmap.flat.convex import uniform_laplacian
 from skinmap.flat.dirichlet import at_best_size, symmetric_dirichlet_descent
 from skinmap.flat.disc import Disc
+from skinmap.flat.disc_map import DiscMap
 from skinmap.flat.factorisation import Solve, factorise
-from skinmap.flat.seams import open_surface, split_along
+from skinmap.flat.seams import CutMesh, open_surface, split_along
 from skinmap.geometry.topology import (
     boundary_loops,
-    edges,
     euler_number,
     half_edges,
     loop_length,
     loops_by_length,
+    twins,
 )
 from skinmap.geometry.triangles import vertex_normals
 from skinmap.surface.holes import close_loop
 
 METHOD = "periodic"
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class PeriodicMap:
-    """A tube on a strip whose two sides are one place.
-
-    Attributes
-    ----------
-    faces : (m, 3) int
-        Over the vertices of the opened tube, in the order of the faces that came.
-    origin : (k,) int
-        Vertex of the tube of each of them; those on the seam come twice.
-    uv : (k, 2) float
-        [m]; the two copies of a vertex are one period apart.
-    holes : int
-        Boundary loops beside the two rims.
-    """
-
-    faces: IntArray
-    origin: IntArray
-    uv: FloatArray
-    holes: int
-
-    def __post_init__(self) -> None:
-        freeze(self, faces=self.faces, origin=self.origin, uv=self.uv)
 
 
 def tube_rims(vertices: FloatArray, faces: IntArray, hole_share: float) -> list[IntArray] | None:
@@ -85,8 +61,8 @@ def periodic_map(
     *,
     hole_share: float,
     where: str = "mesh",
-) -> PeriodicMap:
-    """Lay a tube flat with nothing cut.
+) -> tuple[CutMesh, DiscMap]:
+    """Lay a tube flat with nothing cut: a strip whose two sides are one place.
 
     Parameters
     ----------
@@ -99,6 +75,13 @@ def periodic_map(
         Holes up to this share of the longest rim are filled for the solve.
     where : str
         How messages call it.
+
+    Returns
+    -------
+    cut : CutMesh
+        The opened tube; vertices on its seam come twice.
+    flat : DiscMap
+        Of its vertices; the two copies of one are one period apart.
 
     Raises
     ------
@@ -117,16 +100,14 @@ def periodic_map(
     if not roll.is_injective(uv) or not roll.keeps_clear(uv):
         raise FlatteningError(f"{where}: no periodic map is free of flips")
     used, compact = np.unique(opened[: len(faces)], return_inverse=True)
-    return PeriodicMap(compact.reshape(-1, 3), origin[used], uv[used] * size, len(rims) - 2)
+    cut = CutMesh(compact.reshape(-1, 3), origin[used], 0.0)
+    return cut, DiscMap(uv[used] * size, METHOD, False, len(rims) - 2)
 
 
 def _doubled_edges(faces: IntArray, opened: IntArray) -> IntArray:
     """(c, 2) edges of a surface that came apart when it was cut."""
-    before, after = half_edges(faces), half_edges(opened)
-    n = int(opened.max()) + 1
-    bordering = ~np.isin(after @ [n, 1], after[:, ::-1] @ [n, 1])
-    was_border = ~np.isin(before @ [n, 1], before[:, ::-1] @ [n, 1])
-    return np.unique(np.sort(before[bordering & ~was_border], axis=1), axis=0)
+    apart = half_edges(faces)[(twins(opened) < 0) & (twins(faces) >= 0)]
+    return np.unique(np.sort(apart, axis=1), axis=0)
 
 
 class _Roll(Disc):
@@ -236,10 +217,7 @@ class _Roll(Disc):
     def _between_lines(self) -> FloatArray:
         """(k, 2) every vertex in the middle of its neighbours, the rims on straight lines."""
         n, k = len(self._points), len(self._origin)
-        pairs = edges(self.faces)
-        half = coo_array((np.ones(len(pairs)), pairs.T), shape=(k, k)).tocsr()
-        degree = np.bincount(pairs.ravel(), minlength=k).astype(np.float64)
-        weights = self.spread.T @ (diags_array(degree) - half - half.T) @ self.spread
+        weights = self.spread.T @ uniform_laplacian(self.faces, k) @ self.spread
         width = float(np.mean([loop_length(self._points, rim) for rim in self._rims]))
         height = float(self.areas.sum()) / width
         known = np.full((n + 1, 2), np.nan)

@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidMeshError
 from skinmap.geometry.topology import (
+    border_edges,
     edges,
     euler_number,
     face_components,
@@ -130,13 +131,8 @@ def _open_further(
     if how["touched"] is not None:
         how["touched"] = how["touched"][origin]
     rest = open_surface(vertices[origin], opened, hole_share=hole_share, **how)
-    length = edge_length(vertices, along) + rest.seam_length
+    length = float(pair_lengths(vertices, along).sum()) + rest.seam_length
     return CutMesh(rest.faces, origin[rest.origin], length)
-
-
-def edge_length(vertices: FloatArray, pairs: IntArray) -> float:
-    """Length of edges (c, 2) together [m]."""
-    return float(pair_lengths(vertices, pairs).sum())
 
 
 def far_ends(vertices: FloatArray, faces: IntArray, *which: int) -> tuple[int, ...]:
@@ -144,9 +140,7 @@ def far_ends(vertices: FloatArray, faces: IntArray, *which: int) -> tuple[int, .
 
     The first is the furthest from vertex 0; `which` of them are given.
     """
-    pairs = edges(faces)
-    length = pair_lengths(vertices, pairs)
-    plain = _graph(len(vertices), pairs, length)
+    plain = _Price(vertices).graph(faces)
     found = [int(np.argmax(dijkstra(plain, directed=False, indices=0)))]
     near = dijkstra(plain, directed=False, indices=found[0])
     while len(found) <= max(which):
@@ -163,9 +157,7 @@ def path_along(vertices: FloatArray, faces: IntArray, stops: IntArray) -> IntArr
     InvalidMeshError
         No way leads there.
     """
-    pairs = edges(faces)
-    length = pair_lengths(vertices, pairs)
-    plain = _graph(len(vertices), pairs, length)
+    plain = _Price(vertices).graph(faces)
     found = [np.zeros((0, 2), np.int64)]
     for start, end in zip(stops[:-1].tolist(), stops[1:].tolist(), strict=True):
         _, before = dijkstra(plain, directed=False, indices=start, return_predecessors=True)
@@ -224,26 +216,22 @@ def path_from_border(
     They form trees rooted on the border: cutting them leaves the surface in one piece.
     """
     pairs, n = edges(faces), int(faces.max()) + 1
-    directed = half_edges(faces)
-    border = np.unique(directed[~np.isin(directed @ [n, 1], directed[:, ::-1] @ [n, 1])])
+    border = np.unique(border_edges(faces))
     cost = price(pairs)
     on_border = np.zeros(n, bool)
     on_border[border] = True
     cost = np.where(on_border[pairs].all(axis=1), cost.sum(), cost)
     graph = _graph(n, pairs, cost)
-    _, before, _ = dijkstra(
-        graph, directed=False, indices=border, min_only=True, return_predecessors=True
-    )
+    _, before = _ways_from(graph, border)
     ways = [_walk_back(end, before) for end in ends.tolist()]
-    return np.unique(np.sort(np.concatenate([np.zeros((0, 2), np.int64), *ways]), axis=1), axis=0)
+    return _once(ways)
 
 
 def price_of(
     vertices: FloatArray, avoid: IntArray | None, touched: FloatArray | None
 ) -> Callable[[IntArray], FloatArray]:
     """What cutting edges (e, 2) of a surface costs: their length, more where it is touched."""
-    price = _Price(vertices, avoid, touched)
-    return lambda pairs: price.lengths(pairs) * price.factors(pairs)
+    return _Price(vertices, avoid, touched).of
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -254,14 +242,17 @@ class _Price:
     """
 
     vertices: FloatArray
-    avoid: IntArray | None
-    touched: FloatArray | None
+    avoid: IntArray | None = None
+    touched: FloatArray | None = None
     untouched: float = UNTOUCHED
 
     def lengths(self, pairs: IntArray) -> FloatArray:
         """(e,) lengths of edges [m]."""
-        ends = self.vertices[pairs]
-        return np.asarray(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1))
+        return pair_lengths(self.vertices, pairs)
+
+    def of(self, pairs: IntArray) -> FloatArray:
+        """(e,) what cutting edges costs."""
+        return self.lengths(pairs) * self.factors(pairs)
 
     def factors(self, pairs: IntArray) -> FloatArray:
         """(e,) what the length of each edge is multiplied with."""
@@ -275,7 +266,7 @@ class _Price:
     def graph(self, faces: IntArray) -> csr_array:
         """(n, n) costs of the edges of some faces."""
         pairs = edges(faces)
-        return _graph(len(self.vertices), pairs, self.lengths(pairs) * self.factors(pairs))
+        return _graph(len(self.vertices), pairs, self.of(pairs))
 
 
 def _seam(
@@ -283,9 +274,7 @@ def _seam(
 ) -> IntArray:
     """Edges (c, 2) of the cheapest path between two loops, earlier cuts counting as border."""
     sources = np.unique(np.concatenate([outer, cuts.ravel()]))
-    cost, before, _ = dijkstra(
-        price.graph(faces), directed=False, indices=sources, min_only=True, return_predecessors=True
-    )
+    cost, before = _ways_from(price.graph(faces), sources)
     return _walk_back(int(inner[np.argmin(cost[inner])]), before)
 
 
@@ -317,7 +306,7 @@ def _handle_cuts(
     pairs = edges(filled)
     inside = pairs[:, 1] < n
     cost = np.zeros(len(pairs))
-    cost[inside] = price.lengths(pairs[inside]) * price.factors(pairs[inside])
+    cost[inside] = price.of(pairs[inside])
     cost[~inside] = cost.sum()  # no way leads across a hole
     graph = _graph(n + len(holes), pairs, cost)
     tried = (
@@ -331,15 +320,13 @@ def _system_of_loops(
     faces: IntArray, pairs: IntArray, cost: FloatArray, graph: csr_array, roots: IntArray
 ) -> IntArray:
     """Edges (c, 2) of the loops from the roots that open every handle."""
-    far, before, _ = dijkstra(
-        graph, directed=False, indices=roots, min_only=True, return_predecessors=True
-    )
+    far, before = _ways_from(graph, roots)
     joined = _left_over(faces, pairs, far[pairs].sum(axis=1) + cost, before, roots)
     steps = [
         np.concatenate([pair[None], *(_walk_back(int(end), before) for end in pair)])
         for pair in pairs[joined]
     ]
-    return np.unique(np.sort(np.concatenate([np.zeros((0, 2), np.int64), *steps])), axis=0)
+    return _once(steps)
 
 
 def _left_over(
@@ -387,6 +374,19 @@ def _in_order(matrix: csr_array) -> csr_array:
 def _graph(n: int, pairs: IntArray, cost: FloatArray) -> csr_array:
     graph = coo_array((cost, pairs.T), shape=(n, n)).tocsr()
     return graph.maximum(graph.T)
+
+
+def _ways_from(graph: csr_array, roots: IntArray) -> tuple[FloatArray, IntArray]:
+    """(n,) cost of the cheapest way from any root, and the node before on it."""
+    cost, before, _ = dijkstra(
+        graph, directed=False, indices=roots, min_only=True, return_predecessors=True
+    )
+    return cost, before
+
+
+def _once(ways: Sequence[IntArray]) -> IntArray:
+    """Edges (c, 2) of several ways, each once."""
+    return np.unique(np.sort(np.concatenate([np.zeros((0, 2), np.int64), *ways])), axis=0)
 
 
 def _walk_back(end: int, before: IntArray) -> IntArray:

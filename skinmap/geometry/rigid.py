@@ -110,6 +110,27 @@ def transform_directions(transform: FloatArray, directions: FloatArray) -> Float
     return directions @ transform[:3, :3].T
 
 
+def rigid_transform(rotation: FloatArray, translation: FloatArray) -> FloatArray:
+    """T (4, 4) that turns by a rotation (3, 3) and then shifts by a translation (3,)."""
+    transform = np.eye(4)
+    transform[:3, :3] = rotation
+    transform[:3, 3] = translation
+    return transform
+
+
+def turn_about(
+    middle: FloatArray, rotation: FloatArray, shift: FloatArray | float = 0.0
+) -> FloatArray:
+    """T (4, 4) that turns by a rotation (3, 3) about a point (3,), and then shifts by (3,)."""
+    return rigid_transform(rotation, middle + shift - rotation @ middle)
+
+
+def motion_slopes(arms: FloatArray) -> FloatArray:
+    """(n, 3, 6) slopes of points at arms (n, 3) to a small turn about the pivot, and a shift."""
+    swept = np.cross(np.eye(3), arms[:, None]).transpose(0, 2, 1)
+    return np.concatenate([swept, np.broadcast_to(np.eye(3), swept.shape)], axis=2)
+
+
 def rigid_fit(places: FloatArray, points: FloatArray, weights: FloatArray) -> FloatArray:
     """T (4, 4) that carries places (k, 3) nearest to points (k, 3) in the weighted mean square.
 
@@ -119,7 +140,5 @@ def rigid_fit(places: FloatArray, points: FloatArray, weights: FloatArray) -> Fl
     a, b = share @ places, share @ points
     u, _, vt = np.linalg.svd(((places - a) * share[:, None]).T @ (points - b))
     sign = np.sign(np.linalg.det(vt.T @ u.T))
-    transform = np.eye(4)
-    transform[:3, :3] = vt.T @ np.diag([1.0, 1.0, sign]) @ u.T
-    transform[:3, 3] = b - transform[:3, :3] @ a
-    return transform
+    rotation = vt.T @ np.diag([1.0, 1.0, sign]) @ u.T
+    return rigid_transform(rotation, b - rotation @ a)

@@ -46,6 +46,11 @@ def twins(faces: IntArray) -> IntArray:
     return twin
 
 
+def border_edges(faces: IntArray) -> IntArray:
+    """(b, 2) directed edges that no other runs back along."""
+    return half_edges(faces)[twins(faces) < 0]
+
+
 def edges(faces: IntArray) -> IntArray:
     """(e, 2) undirected edges, each once, smaller index first, sorted."""
     key = edge_keys(faces)
@@ -90,7 +95,7 @@ def boundary_loops(faces: IntArray) -> list[IntArray]:
     InvalidMeshError
         Where two boundary loops meet in one vertex or a face is turned over.
     """
-    open_edges = half_edges(faces)[twins(faces) < 0]
+    open_edges = border_edges(faces)
     following = dict(map(tuple, open_edges.tolist()))
     if len(following) != len(open_edges):
         raise InvalidMeshError("two boundary loops meet in one vertex: the mesh is not manifold")

@@ -7,11 +7,14 @@ import io
 import math
 import re
 import stat
-from collections.abc import Iterator, Sequence
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any, TypeVar
 
 from skinmap.errors import DataFormatError, MissingFileError
 
+T = TypeVar("T")
 MAX_BYTES = 64 * 2**20  # the largest real table has 0.1 MB; more is another kind of file
 MAX_WHOLE = 2**53  # beyond it a float has no room for every whole number
 # Channels and modules are counted, so a number beyond this is damage; it also keeps sums in range.
@@ -61,6 +64,22 @@ def read_text(path: Path) -> str:
         raise DataFormatError(f"cannot be read: {error.strerror}", path) from None
 
 
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of a TOML file.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, not text, or not TOML.
+    """
+    try:
+        return tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:  # huge numbers, deep nests are no TOML errors
+        if isinstance(error, DataFormatError):
+            raise
+        raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
+
+
 class CsvRows:
     """Rows of a CSV table, also as spreadsheets save it where numbers have a decimal comma.
 
@@ -99,15 +118,10 @@ def parse_floats(words: Sequence[str], path: Path, line: int | None) -> list[flo
     DataFormatError
         A word that is no finite number.
     """
-    values = []
-    for word in words:
-        try:
-            value = float(_plain(word))
-        except ValueError:
-            raise DataFormatError(f"expected a number, got {_shown(word)}", path, line) from None
+    values = [_number(word, float, "a number", path, line) for word in words]
+    for word, value in zip(words, values, strict=True):
         if not math.isfinite(value):
             raise DataFormatError(f"expected a finite number, got {_shown(word)}", path, line)
-        values.append(value)
     return values
 
 
@@ -121,25 +135,21 @@ def parse_whole(
     DataFormatError
         A word that is not a whole number, or one out of range.
     """
-    values = []
-    for word in words:
-        try:
-            value = int(_plain(word))
-        except ValueError:
-            raise DataFormatError(
-                f"expected a whole number, got {_shown(word)}", path, line
-            ) from None
+    values = [_number(word, int, "a whole number", path, line) for word in words]
+    for word, value in zip(words, values, strict=True):
         if abs(value) > most:
             raise DataFormatError(f"{_shown(word)} is beyond {most}", path, line)
-        values.append(value)
     return values
 
 
-def _plain(word: str) -> str:
-    """The word, unless only Python would call it a number (1_000, other scripts' digits)."""
-    if "_" in word or not word.isascii():
-        raise ValueError(word)
-    return word
+def _number(word: str, kind: Callable[[str], T], called: str, path: Path, line: int | None) -> T:
+    """The number of a word, unless only Python would call it one (1_000, other scripts' digits)."""
+    try:
+        if "_" in word or not word.isascii():
+            raise ValueError(word)
+        return kind(word)
+    except ValueError:
+        raise DataFormatError(f"expected {called}, got {_shown(word)}", path, line) from None
 
 
 def _shown(word: str) -> str:

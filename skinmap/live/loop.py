@@ -10,6 +10,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,8 +18,8 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import SkinMismatchError, UnknownNameError
-from skinmap.live.contacts.contact_events import ContactEvent, TouchEvent, taken
 from skinmap.live.contacts.contact_tracker import ContactTracker
+from skinmap.live.contacts.named_touch import ContactEvent, NamedTouch, TouchEvent, taken
 from skinmap.live.contacts.touch_history import Entry, TouchBook
 from skinmap.live.moment import Moment
 from skinmap.live.namer import Namer
@@ -35,6 +36,7 @@ from skinmap.live.sources.source import (
     StreamInfo,
     blocks,
     check_skin,
+    describe_skins,
     is_live,
 )
 from skinmap.recognition.classifier import Prediction, TouchClassifier
@@ -44,7 +46,7 @@ from skinmap.touch.contacts.grouping import RULE, GroupingRule
 from skinmap.touch.prepared_skin import PreparedSkin
 
 if TYPE_CHECKING:
-    from skinmap.live.response.loads import Loads
+    from skinmap.live.response.loads import PartLoads
     from skinmap.touch.load_calibration import LoadCalibration
 
 PACE = 100.0  # labels a second for each part at most
@@ -146,7 +148,7 @@ class TouchLoop(Summary):
         self._all = np.array_equal(self._gather, np.arange(info.channels))
         self._checks = SampleChecks(info, self.counts, seekable=self.source.seekable)
         self._responses = Responses(self._skin, info, responses)
-        self._loads = self._load_forces(calibrations) if calibrations else None
+        self._loads = self._load_forces(calibrations or {})
         self._gate = RestGate(self._skin, info.rate)
         self._tracker = ContactTracker(self._skin)
         self._book = TouchBook(self._skin)
@@ -318,12 +320,12 @@ class TouchLoop(Summary):
     @property
     def zero_age(self) -> float | None:
         """Age of the zero of the forces [s]; None without a load calibration."""
-        return None if self._loads is None else self._loads.age
+        return max((one.age for one in self._loads.values()), default=None)
 
     def zero(self) -> None:
         """Take the zero of the forces anew, as soon as nothing touches for 0.8 s."""
-        if self._loads is not None:
-            self._loads.zero()
+        for one in self._loads.values():
+            one.zero()
 
     def levels(self, part: str, taxel: int) -> dict[str, float]:
         """What a taxel (a dense row) of a part is judged by.
@@ -341,7 +343,9 @@ class TouchLoop(Summary):
 
     def dense_info(self) -> StreamInfo:
         """How a publisher of the moments describes their pressures: dense rows of each part."""
-        return dense_info(self.info, self.robot.name, self.skins)
+        skins = [one.skin for one in self.skins.values()]
+        info = self.info
+        return describe_skins(info.name, self.robot.name, skins, info.rate, "pressure", info.clock)
 
     def finish(self) -> None:
         """End the touches that last: nothing more will be asked."""
@@ -378,8 +382,8 @@ class TouchLoop(Summary):
         pressures, forces = self._responses.apply(dense)
         live, last = self.live, len(times) - 1
         touched = self._gate.apply(pressures)
-        if self._loads is not None:
-            self._loads.take(dense, bool(touched.any()))
+        for part, loads in self._loads.items():
+            loads.take(dense[:, self._skin.slices[part]], bool(touched.any()))
         for row, now in enumerate(times.tolist()):
             self._tracker.update(now, touched[row], None if forces is None else forces[row])
             tracks = self._tracker.tracks
@@ -397,10 +401,22 @@ class TouchLoop(Summary):
         self.counts.used += len(times)
         self._last = (float(times[-1]), pressures[-1], dense[-1])
 
-    def _load_forces(self, calibrations: Mapping[str, LoadCalibration]) -> Loads:
-        from skinmap.live.response.loads import Loads  # solvers, only where asked for
+    def _load_forces(self, calibrations: Mapping[str, LoadCalibration]) -> dict[str, PartLoads]:
+        if not calibrations:
+            return {}
+        from skinmap.live.response.loads import PartLoads  # solvers, only where asked for
 
-        return Loads(self._skin, calibrations, self.info.rate)
+        known = {part: one for part, one in calibrations.items() if part in self.skins}
+        rate = self.info.rate
+        return {part: PartLoads(self.skins[part], one, rate) for part, one in known.items()}
+
+    def _weighed(self, touches: tuple[NamedTouch, ...]) -> tuple[NamedTouch, ...]:
+        """The touches with their forces, on parts that have a load calibration."""
+        return tuple(
+            replace(one, load=self._loads[one.part].force(one.taxels))
+            if one.part in self._loads else one
+            for one in touches
+        )  # fmt: skip
 
     def _revised(self, entry: Entry) -> Prediction | None:
         if self._namer is None or not self.naming:
@@ -427,19 +443,19 @@ class TouchLoop(Summary):
     def _show(self, *, stale: bool = False) -> Moment:
         now, pressures, raw = self._last
         touches, contacts = self._book.show(self._tracker.tracks)
-        if self._loads is not None:
-            touches, contacts = self._loads.weigh(touches), self._loads.weigh(contacts)
+        if self._loads:
+            touches, contacts = self._weighed(touches), self._weighed(contacts)
         latency = float("nan") if stale else time.perf_counter() - self.feed.arrived
         return Moment(
             now,
             self._skin.split(pressures),
             touches,
             self._skin.split(raw) if self.info.kind == "raw" else {},
-            self.feed.angles(now),
+            self.source.angles_at(now),
             stale=stale,
             rate=self.feed.rate,
             latency=latency,
-            dropped=self.feed.dropped,
+            dropped=self.source.counts.dropped,
             contacts=contacts,
             states=self.states(),
             skins=self.skins,
@@ -502,19 +518,3 @@ def chosen_parts(info: StreamInfo, parts: Sequence[str] | None) -> tuple[str, ..
         if part not in info.parts:
             raise UnknownNameError(f"part in stream {info.name!r}", part, info.parts)
     return tuple(part for part in info.parts if not parts or part in parts)
-
-
-def dense_info(info: StreamInfo, robot: str, skins: Mapping[str, PreparedSkin]) -> StreamInfo:
-    """How a publisher describes the pressures of a stream's skins: dense rows of each part."""
-    from skinmap.skin.skin import fingerprint
-
-    return StreamInfo(
-        info.name,
-        tuple(skins),
-        tuple(map(len, skins.values())),
-        info.rate,
-        "pressure",
-        robot,
-        {part: fingerprint(skin.skin) for part, skin in skins.items()},
-        info.clock,
-    )

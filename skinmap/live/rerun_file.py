@@ -72,25 +72,14 @@ def write_rerun(
     return count
 
 
-class _Columns:
-    """Values of one entity that wait to be sent together."""
-
-    def __init__(self) -> None:
-        self.times: list[float] = []
-        self.rows: list[Any] = []
-
-    def add(self, time: float, row: Any) -> None:
-        self.times.append(time)
-        self.rows.append(row)
-
-
 class _Writer:
     """What is sent to a stream of rerun, entity by entity."""
 
     def __init__(self, rerun: Any, stream: Any, robot: Robot, skins: Mapping[str, Skin]) -> None:
         self.rerun, self.stream, self.robot, self.skins = rerun, stream, robot, skins
-        self._colours: dict[str, _Columns] = {part: _Columns() for part in skins}
-        self._plots: dict[str, _Columns] = {}
+        # Times and rows that wait to be sent together.
+        self._colours: dict[str, list[tuple[float, Any]]] = {part: [] for part in skins}
+        self._plots: dict[str, list[tuple[float, float]]] = {}
         self._coloured = dict.fromkeys(skins, -np.inf)
         self._told: set[tuple[str, int, str]] = set()
         self._touched: set[str] = set()
@@ -151,8 +140,8 @@ class _Writer:
         """Send what waits."""
         for part in self.skins:
             self._send_colours(part)
-        for entity, columns in self._plots.items():
-            self._send_plot(entity, columns)
+        for entity in self._plots:
+            self._send_plot(entity)
 
     def _at(self, part: str, what: str) -> str:
         return f"world/{self.robot.part(part).link}/{part}/{what}"
@@ -164,33 +153,32 @@ class _Writer:
 
     def _colour(self, part: str, now: float, pressures: NDArray[Any]) -> None:
         counts = np.clip(np.nan_to_num(pressures), 0, 255).astype(np.uint8)
-        self._colours[part].add(now, self._table[counts])
-        if len(self._colours[part].rows) >= AT_ONCE:
+        self._colours[part].append((now, self._table[counts]))
+        if len(self._colours[part]) >= AT_ONCE:
             self._send_colours(part)
 
     def _send_colours(self, part: str) -> None:
-        columns = self._colours[part]
-        if columns.rows:
-            sizes = [len(row) for row in columns.rows]
-            colours = self.rerun.Points3D.columns(colors=np.concatenate(columns.rows))
-            self.stream.send_columns(
-                self._at(part, "taxels"), [self._index(columns)], colours.partition(sizes)
-            )
-        self._colours[part] = _Columns()
+        if not self._colours[part]:
+            return
+        times, rows = zip(*self._colours[part], strict=True)
+        self._colours[part] = []
+        colours = self.rerun.Points3D.columns(colors=np.concatenate(rows))
+        self._send(self._at(part, "taxels"), times, colours.partition(list(map(len, rows))))
 
     def _plot(self, entity: str, now: float, value: float) -> None:
-        columns = self._plots.setdefault(entity, _Columns())
-        columns.add(now, value)
-        if len(columns.rows) >= 64 * AT_ONCE:
-            self._send_plot(entity, columns)
-            self._plots[entity] = _Columns()
+        self._plots.setdefault(entity, []).append((now, value))
+        if len(self._plots[entity]) >= 64 * AT_ONCE:
+            self._send_plot(entity)
 
-    def _send_plot(self, entity: str, columns: _Columns) -> None:
-        values = self.rerun.Scalars.columns(scalars=columns.rows)
-        self.stream.send_columns(entity, [self._index(columns)], values)
+    def _send_plot(self, entity: str) -> None:
+        if self._plots[entity]:
+            times, values = zip(*self._plots[entity], strict=True)
+            self._plots[entity] = []
+            self._send(entity, times, self.rerun.Scalars.columns(scalars=list(values)))
 
-    def _index(self, columns: _Columns) -> Any:
-        return self.rerun.TimeColumn(TIMELINE, duration=columns.times)
+    def _send(self, entity: str, times: tuple[float, ...], columns: Any) -> None:
+        index = self.rerun.TimeColumn(TIMELINE, duration=list(times))
+        self.stream.send_columns(entity, [index], columns)
 
     def _touches(self, part: str, now: float, moment: Moment) -> None:
         """Centres and names of the touches of a part, gone when they end; news as text."""

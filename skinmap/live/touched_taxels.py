@@ -7,14 +7,12 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import MissingFileError, SkinMismatchError
-from skinmap.io.recordings.readers import recorded_robot
+from skinmap.io.recordings.touch_files import recorded_robot
 from skinmap.live.loop import TouchLoop
 from skinmap.live.response.pressures import Response
 from skinmap.live.sources.source import Source
@@ -61,16 +59,14 @@ class TouchedPart:
             np.zeros(n, np.int64), np.zeros(n), np.zeros(n), unseen, np.full(n, -1, np.int64)
         )
 
-
-@dataclass(eq=False, slots=True)
-class _Run:
-    """A touch of one taxel that lasts."""
-
-    begun: float
-    last: float
-    samples: int
-    dwell: float
-    largest: float
+    def add(self, other: TouchedPart, rows: slice) -> None:
+        """Add what some rows (n) of a later recording went through."""
+        self.count += other.count[rows]
+        self.dwell += other.dwell[rows]
+        self.largest = np.maximum(self.largest, other.largest[rows])
+        seen = other.count[rows] > 0
+        self.last[seen] = other.last[rows][seen]
+        self.recording[seen] = other.recording[rows][seen]
 
 
 @dataclass(eq=False, slots=True)
@@ -95,70 +91,47 @@ class Touched:
 
     def add(self, loop: TouchLoop, name: str) -> None:
         """Add all that a loop's source has; the loop has learnt what hangs."""
-        number, first = len(self.recordings), math.nan
-        self.recordings.append(name)
-        runs: dict[int, _Run] = {}
-        for part, skin in loop.skins.items():
-            self.parts.setdefault(part, TouchedPart.of(len(skin)))
-        owner = [(part, row) for part, skin in loop.skins.items() for row in range(len(skin))]
-        step, before = 1.0 / loop.info.rate if loop.info.rate > 0 else 0.02, math.nan
+        first = before = math.nan
+        sizes = [len(skin) for skin in loop.skins.values()]
+        found = TouchedPart.of(sum(sizes))
+        # Of the touch of each taxel that lasts: its last time, its samples, how long, how hard.
+        last, run = np.zeros(sum(sizes)), np.zeros((3, sum(sizes)))
+        step = 1.0 / loop.info.rate if loop.info.rate > 0 else 0.02
 
-        def over(taxel: int) -> None:
-            run = runs.pop(taxel)
-            if run.samples < LEAST:
-                return
-            part, row = owner[taxel]
-            mine = self.parts[part]
-            mine.count[row] += 1
-            mine.dwell[row] += run.dwell
-            mine.largest[row] = max(mine.largest[row], run.largest)
-            mine.last[row], mine.recording[row] = run.last - first, number
+        def end(taxels: IntArray) -> None:
+            over = taxels[run[0, taxels] >= LEAST]
+            found.count[over] += 1
+            found.dwell[over] += run[1, over]
+            found.largest[over] = np.maximum(found.largest[over], run[2, over])
+            found.last[over] = last[over] - first
+            run[:, taxels] = 0
 
         for anew, times, touched, stuck in loop.touched_samples():
             if anew:
-                for taxel in list(runs):
-                    over(taxel)
+                end(np.flatnonzero(run[0]))
                 before = math.nan
             first = float(times[0]) if math.isnan(first) else first
             spans = np.diff(times, prepend=times[0] - step if math.isnan(before) else before)
             spans = np.clip(np.where(spans > LONGEST, step, spans), 0.0, LONGEST)
             self.seconds += float(spans.sum())
             before = float(times[-1])
-            for taxel in [one for one in runs if stuck[one]]:
-                del runs[taxel]  # what hangs was no touch
-            on = touched > 0
-            on[:, stuck] = False
-            for taxel in np.flatnonzero(on.any(axis=0)).tolist():
-                rows = np.flatnonzero(on[:, taxel])
-                self._follow(runs, taxel, times[rows], spans[rows], touched[rows, taxel], over)
-        for taxel in list(runs):
-            over(taxel)
-
-    def _follow(
-        self,
-        runs: dict[int, _Run],
-        taxel: int,
-        times: FloatArray,
-        spans: FloatArray,
-        values: NDArray[Any],
-        over: Callable[[int], None],
-    ) -> None:
-        """Go on with the touch of a taxel, or begin others, by samples (k,) that are touched."""
-        run = runs.get(taxel)
-        gaps = np.diff(times, prepend=times[0] if run is None else run.last)
-        starts = np.flatnonzero(gaps - spans > BRIDGE)
-        for piece in np.split(np.arange(len(times)), starts):
-            if not len(piece):
-                continue
-            if piece[0] in starts and taxel in runs:
-                over(taxel)
-            run = runs.get(taxel)
-            if run is None:
-                begun = float(times[piece[0]])
-                run = runs[taxel] = _Run(begun, begun, 0, 0.0, 0.0)
-            run.last, run.samples = float(times[piece[-1]]), run.samples + len(piece)
-            run.dwell += float(spans[piece].sum())
-            run.largest = max(run.largest, float(values[piece].max()))
+            run[:, stuck] = 0  # what hangs was no touch
+            on = (touched > 0) & ~stuck
+            for row in np.flatnonzero(on.any(axis=1)).tolist():
+                taxels = np.flatnonzero(on[row])
+                lasting = taxels[run[0, taxels] > 0]
+                end(lasting[times[row] - last[lasting] - spans[row] > BRIDGE])
+                last[taxels] = times[row]
+                run[0, taxels] += 1
+                run[1, taxels] += spans[row]
+                run[2, taxels] = np.maximum(run[2, taxels], touched[row, taxels])
+        end(np.flatnonzero(run[0]))
+        found.recording[found.count > 0] = len(self.recordings)
+        self.recordings.append(name)
+        ends = np.cumsum(sizes).tolist()
+        for part, size, end_of in zip(loop.skins, sizes, ends, strict=True):
+            mine = self.parts.setdefault(part, TouchedPart.of(size))
+            mine.add(found, slice(end_of - size, end_of))
 
     def csv(self) -> str:
         """A line for each taxel of each part, see `COLUMNS`."""

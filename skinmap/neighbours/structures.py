@@ -83,9 +83,9 @@ def cover_resembling(
     """At most so many prototypes that all of some taxels resemble: those that most do, first."""
     shapes, left = none, rows
     while len(left) and len(shapes) < most:
-        candidates = left[_spread(len(left), CANDIDATES)]
+        candidates = _sampled(left, CANDIDATES)
         pool = as_prototypes(hoods, candidates, tolerance=none.tolerance, rotations=none.rotations)
-        columns = np.union1d(left[_spread(len(left), COLUMNS)], candidates)
+        columns = np.union1d(_sampled(left, COLUMNS), candidates)
         apart = np.full((len(columns), len(pool)), np.inf)
         for s, _, distance in _apart(hoods, columns, pool):
             apart[:, s] = np.minimum(apart[:, s], distance)
@@ -157,11 +157,6 @@ def _portions(rows: IntArray, places: int) -> Iterator[IntArray]:
     step = max(1, ROWS * NEAREST // max(places, 1))
     for start in range(0, len(rows), step):
         yield rows[start : start + step]
-
-
-def _spread(n: int, most: int) -> IntArray:
-    """At most so many of n rows, evenly taken."""
-    return np.arange(n) if n <= most else (np.arange(most) * n) // most
 
 
 __all__ = ["RADIUS", "TOLERANCE", "Prototypes", "Structures", "assign", "find_structures"]

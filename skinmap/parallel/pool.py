@@ -6,7 +6,8 @@ import itertools
 import os
 import threading
 import time
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, TypeAlias
 
 from skinmap.errors import UnreachableError, VersionMismatchError
@@ -44,7 +45,6 @@ class LocalPool:
     def submit(self, call: Callable[[Any], Any], task: Any) -> Any:
         """A future of one task."""
         from loky import get_reusable_executor
-        from loky.process_executor import TerminatedWorkerError
 
         if self._executor is None:
             self._executor = get_reusable_executor(
@@ -54,10 +54,8 @@ class LocalPool:
                 initializer=end_with,
                 initargs=(os.getpid(),),
             )
-        try:
+        with _killed_processes():
             return self._executor.submit(call, task)
-        except TerminatedWorkerError as error:
-            raise WorkersLostError("a process was killed") from error
 
     def wait(self, futures: Collection[Any]) -> list[Any]:
         """Those that are done, at least one."""
@@ -68,12 +66,8 @@ class LocalPool:
 
     def result(self, future: Any) -> Any:
         """What a task gave, or raises what it raised; WorkersLostError where its process died."""
-        from loky.process_executor import TerminatedWorkerError
-
-        try:  # a task that cannot be read there breaks the pool too, and is no death
+        with _killed_processes():
             return future.result()
-        except TerminatedWorkerError as error:
-            raise WorkersLostError("a process was killed") from error
 
     def drop(self, futures: Collection[Any]) -> None:
         """Give up tasks, those under way too."""
@@ -85,6 +79,17 @@ class LocalPool:
         if self._executor is not None:
             self._executor.shutdown(wait=True, kill_workers=True)
             self._executor = None
+
+
+@contextmanager
+def _killed_processes() -> Iterator[None]:
+    """Say of processes that were killed that workers were lost."""
+    from loky.process_executor import TerminatedWorkerError
+
+    try:  # a task that cannot be read there breaks the pool too, and is no death
+        yield
+    except TerminatedWorkerError as error:
+        raise WorkersLostError("a process was killed") from error
 
 
 def end_with(parent: int) -> None:

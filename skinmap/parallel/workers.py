@@ -7,7 +7,7 @@ import io
 import json
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
@@ -119,30 +119,30 @@ class ResumeStore:
         if self.path.exists() and not empty and not (self.path / HEAD).is_file():
             raise self._no_store()
         self.path.mkdir(mode=0o700, exist_ok=True)
-        file = _locked(self.path / HEAD)
-        text = file.read()
+        file = (self.path / HEAD).open("a+", encoding="utf-8", errors="replace")
         try:
-            if text:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            file.seek(0)
+            if text := file.read():
                 self._check_head(text)
-        except BaseException:
-            file.close()
-            raise
-        if not text:
-            head = json.dumps({MARK: FORMAT, "sweep": self.sweep, "versions": _versions()})
-            try:
-                file.write(head)
+            else:
+                head = {MARK: FORMAT, "sweep": self.sweep, "versions": _versions()}
+                file.write(json.dumps(head))
                 file.flush()
-            except OSError:
-                raw: Any = file.detach()
-                raw.detach().close()  # what waits to be written cannot be
-                raise
+        except BaseException as error:
+            with suppress(OSError):  # what waits to be written cannot be
+                file.close()
+            if isinstance(error, BlockingIOError):
+                raise OutputError(f"{str(self.path)!r} is in use by another run") from None
+            raise
         return file
 
     def _check_head(self, text: str) -> None:
         """Refuse other folders, and results of other versions, whose bits may differ."""
         try:
             head = json.loads(text)
-            form, sweep, versions = head[MARK], str(head["sweep"]), dict(head["versions"])
+            versions = {**head["versions"], "format": head[MARK]}
+            sweep = str(head["sweep"])
         except (ValueError, LookupError, TypeError, RecursionError):
             raise self._no_store() from None
         if sweep != self.sweep:
@@ -152,8 +152,7 @@ class ResumeStore:
                 self.path,
             )
         for name, ours in {"format": FORMAT, **_versions()}.items():
-            theirs = form if name == "format" else versions.get(name)
-            if theirs != ours:
+            if (theirs := versions.get(name)) != ours:
                 raise DataFormatError(
                     f"holds results of {name} {theirs!r} (this is {ours!r}), which may differ; "
                     "name another folder",
@@ -252,21 +251,6 @@ def _versions() -> dict[str, str]:
     return {name: version(name) for name in LIBRARIES}
 
 
-def _locked(path: Path) -> io.TextIOWrapper:
-    """The file, open for reading and writing by this run alone."""
-    file = path.open("a+", encoding="utf-8", errors="replace")
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        file.seek(0)
-    except BlockingIOError:
-        file.close()
-        raise OutputError(f"{str(path.parent)!r} is in use by another run") from None
-    except BaseException:
-        file.close()
-        raise
-    return file
-
-
 @dataclass(frozen=True, slots=True)
 class Workers:
     """Who runs the tasks.
@@ -341,11 +325,8 @@ def opened_pool(workers: Workers) -> Iterator[Pool | None]:
     if workers.pool is not None:
         yield workers.pool
     elif isinstance(workers.jobs, str):
-        pool = ClusterPool(workers.jobs)
-        try:
+        with closing(ClusterPool(workers.jobs)) as pool:
             yield pool
-        finally:
-            pool.close()
     elif workers.jobs > 1:
         yield LocalPool(workers.jobs)
     else:

@@ -109,7 +109,7 @@ def press(
     soften(model, np.arange(len(spring)), spring)
     data = mujoco.MjData(model)
     _lift(mujoco, model, data, places, len(presser.mounts))
-    mounts = np.array([int(name.split("_")[1]) for name in _names(model)])
+    mounts = np.array([int(model.actuator(row).name.split("_")[1]) for row in range(model.nu)])
     full = full_forces(presser)
     read: list[tuple[Any, ...]] = []
     first = model.ngeom - len(springs)
@@ -208,10 +208,6 @@ def _lift(mujoco: Any, model: Any, data: Any, places: FloatArray, mounts: int) -
                     lift = max(lift, float(top.max()))
         if np.isfinite(lift):
             data.qpos[joint.qposadr[0]] = lift + POINT + CLEAR
-
-
-def _names(model: Any) -> list[str]:
-    return [model.actuator(i).name for i in range(model.nu)]
 
 
 def _model(

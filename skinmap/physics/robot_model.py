@@ -148,33 +148,29 @@ class RobotModel:
 
     def motors(self, name: str) -> IntArray:
         """Which of our motors a presser has."""
-        first = 0
-        for own, presser in self.pressers.items():
-            if own == name:
-                rows = range(first, first + len(presser.mounts))
-                return np.flatnonzero(np.isin(self._of_mount, list(rows)))
-            first += len(presser.mounts)
-        raise UnknownNameError("presser", name, self.pressers)
+        return np.flatnonzero(np.isin(self._of_mount, self._mounts(name)))
 
     def put(self, name: str, frames: FloatArray | None) -> None:
         """Put a presser's mounts at T_world_mount (m, 4, 4), at rest; None parks it."""
-        first = 0
-        for own, presser in self.pressers.items():
-            if own != name:
-                first += len(presser.mounts)
+        mounts = self._mounts(name)
+        for row, mount in enumerate(mounts):
+            body = self.model.body(f"{PREFIX}mount_{mount}").id
+            if frames is None:
+                self.model.body_pos[body] = (0.0, 0.0, PARKED + mount)
                 continue
-            for row in range(len(presser.mounts)):
-                body = self.model.body(f"{PREFIX}mount_{first + row}").id
-                if frames is None:
-                    self.model.body_pos[body] = (0.0, 0.0, PARKED + first + row)
-                    continue
-                self.model.body_pos[body] = frames[row, :3, 3]
-                turn = Rotation.from_matrix(frames[row, :3, :3])
-                self.model.body_quat[body] = turn.as_quat(scalar_first=True)
-            mine = np.isin(self._mount_of_joint, range(first, first + len(presser.mounts)))
-            for joint in np.flatnonzero(mine):
-                self.data.qpos[self.model.jnt_qposadr[joint]] = 0.0
-                self.data.qvel[self.model.jnt_dofadr[joint]] = 0.0
+            self.model.body_pos[body] = frames[row, :3, 3]
+            turn = Rotation.from_matrix(frames[row, :3, :3])
+            self.model.body_quat[body] = turn.as_quat(scalar_first=True)
+        for joint in np.flatnonzero(np.isin(self._mount_of_joint, mounts)):
+            self.data.qpos[self.model.jnt_qposadr[joint]] = 0.0
+            self.data.qvel[self.model.jnt_dofadr[joint]] = 0.0
+
+    def _mounts(self, name: str) -> list[int]:
+        """Numbers of a presser's mounts, which run on from presser to presser."""
+        if name not in self.pressers:
+            raise UnknownNameError("presser", name, self.pressers)
+        owners = [own for own, one in self.pressers.items() for _ in one.mounts]
+        return [row for row, own in enumerate(owners) if own == name]
 
     def _soften(self) -> None:
         """Make our bodies soft, and find which joints and motors are whose."""

@@ -11,12 +11,11 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.flat.atlas import limb_frame
 from skinmap.flat.face_metrics import METRICS, DrawnChart, FaceMetric, seam_edges
 from skinmap.flat.flat_map import Chart, FlatMap
 from skinmap.geometry.triangles import face_normals
 from skinmap.report.page import picture_bytes, plain_figure
-from skinmap.report.projection import View, choose_views, draw_surface, visible
+from skinmap.report.projection import View, draw_surface, mesh_views, visible
 from skinmap.surface.surface_mesh import SurfaceMesh
 
 SEAM = "#d3202f"
@@ -35,8 +34,7 @@ def part_figure(flat: FlatMap, metric: FaceMetric = METRICS["edge_strain"]) -> A
     """Flat map and body side by side: coloured by a metric above, a checkerboard below."""
     if len(flat.mesh.faces) == 0:
         return _disc_figure(flat.mesh, flat.uv, title(flat))
-    frame = limb_frame(flat.mesh.vertices, flat.mesh.faces, flat.mesh.skin.up)
-    views = choose_views(flat.mesh.vertices, flat.mesh.faces, frame)
+    views = mesh_views(flat.mesh)
     unit, factor = length_unit(flat)
     figure = plain_figure((HEIGHT * (1.35 + 0.9 * len(views)), 2 * HEIGHT + 1.0))
     axes = figure.subplots(
@@ -84,8 +82,7 @@ def mesh_figure(mesh: SurfaceMesh) -> Any:
         places = np.linalg.norm(mesh.vertices - mesh.vertices[0], axis=1)
         words = f"{mesh.skin.part}: {len(mesh.skin)} taxels, no triangle"
         return _disc_figure(mesh, np.column_stack([places, 0.0 * places]), words)
-    frame = limb_frame(mesh.vertices, mesh.faces, mesh.skin.up)
-    views = choose_views(mesh.vertices, mesh.faces, frame)
+    views = mesh_views(mesh)
     figure = plain_figure((HEIGHT * len(views), HEIGHT + 0.5))
     body = mesh.vertices[mesh.faces[kept_faces(len(mesh.faces))]]
     normals = face_normals(body.reshape(-1, 3), np.arange(body[..., 0].size).reshape(-1, 3))
@@ -252,18 +249,20 @@ def _scale(metric: FaceMetric, values: FloatArray) -> Any:
 
 
 def _frame_flat(axis: Any, unit: str) -> None:
-    axis.set_aspect("equal")
-    axis.autoscale_view()
-    axis.margins(0.03)
+    _frame(axis)
     axis.set_xlabel(unit, fontsize=8)
     axis.tick_params(labelsize=8)
 
 
 def _frame_body(axis: Any) -> None:
+    _frame(axis)
+    axis.set_axis_off()
+
+
+def _frame(axis: Any) -> None:
     axis.set_aspect("equal")
     axis.autoscale_view()
     axis.margins(0.03)
-    axis.set_axis_off()
 
 
 def square_side(uv: FloatArray) -> float:

@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.flat.atlas import limb_frame
 from skinmap.geometry.triangles import face_areas, face_normals
+from skinmap.surface.surface_mesh import SurfaceMesh
 
 LIGHT = np.array([-0.35, 0.55, 0.76])  # over the left shoulder: right, up, towards the viewer
 AMBIENT = 0.55  # share of the light that comes from everywhere
@@ -66,6 +68,12 @@ def choose_views(vertices: FloatArray, faces: IntArray, frame: FloatArray) -> li
         shown |= normals @ best.out > SEEN
         views.append(best)
     return views
+
+
+def mesh_views(mesh: SurfaceMesh) -> list[View]:
+    """The views that show a part, seen as its limb stands."""
+    frame = limb_frame(mesh.vertices, mesh.faces, mesh.skin.up)
+    return choose_views(mesh.vertices, mesh.faces, frame)
 
 
 def _turned(turn: float) -> str:

@@ -316,12 +316,11 @@ def _on_page(points: FloatArray, shift: tuple[float, float]) -> FloatArray:
 def _drawn(one: Cutout, shift: tuple[float, float], tile: BaseGeometry) -> list[Shape]:
     """What lies in a tile of a chart: on the edge between two, in the left or lower one."""
     x0, y0, x1, y1 = tile.bounds
-    shapes: list[Shape] = []
-    for line in one.outlines:
-        for points, closed in _clipped(line, tile):
-            shapes.append(
-                Stroke(_on_page(points, shift), "#666666", closed=closed, layer="modules")
-            )
+    shapes: list[Shape] = [
+        Stroke(_on_page(points, shift), "#666666", closed=closed, layer="modules")
+        for line in one.outlines
+        for points, closed in _clipped(line, tile)
+    ]
     x, y = one.places.T
     inside = (x > x0) & (x <= x1) & (y > y0) & (y <= y1)
     radius = min(max(0.12 * one.pitch, 0.25), 1.0)
@@ -388,12 +387,10 @@ def write_sheets(
         content = {path: drawings_pdf(drawings)}
     else:
         written = drawing_svg if suffix == ".svg" else drawing_dxf
-        content = {
-            path.with_name(f"{path.stem}-{number}{path.suffix}") if many else path: written(
-                drawing
-            ).encode()
-            for number, drawing in enumerate(drawings, 1)
-        }
+        numbers = range(1, len(drawings) + 1)
+        files = [path.with_name(f"{path.stem}-{k}{path.suffix}") for k in numbers]
+        texts = [written(drawing).encode() for drawing in drawings]
+        content = dict(zip(files if many else [path], texts, strict=False))
     for file in content:
         check(file)
     with staged_folder(path.parent) as stage:

@@ -16,6 +16,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.simulator import simulate
 
 GREY = "#b4bac1"
+COLOURS = 40  # structures with a colour of their own; more could not be distinguished
 COLUMNS = 12
 TOUCHES, SAMPLES = 6, 400  # of each gesture, and of what they read: for codewords
 CELL = np.array([2.1, 2.5])  # of a structure, in its reaches: wide, high with its words
@@ -24,14 +25,13 @@ CELL = np.array([2.1, 2.5])  # of a structure, in its reaches: wide, high with i
 def structures_figure(skins: Mapping[str, PreparedSkin], found: Structures, path: Path) -> None:
     """Each structure once, and the flat maps of all parts coloured by structure."""
     palette = structure_colours(len(found.prototypes))
-    known = colour_count()
     rows = max(-(-len(found.prototypes) // COLUMNS), 1)
     width = len(skins) if len(skins) < 4 else -(-len(skins) // 3)
     maps = 7.5 if len(skins) >= 4 else 4.5
     figure = plain_figure((13.0, 1.25 * rows + 0.4 + maps))
     top, bottom = figure.subfigures(2, 1, height_ratios=[1.25 * rows + 0.4, maps])
     _draw_prototypes(top.subplots(), found, palette)
-    more = f" ({known} colours, rarer ones black)" if known < len(found.prototypes) else ""
+    more = f" ({COLOURS} colours, rarer ones black)" if len(found.prototypes) > COLOURS else ""
     turned = "with" if found.prototypes.rotations > 1 else "without"
     top.suptitle(
         f"{len(found.prototypes)} structures {turned} rotation{more}; number: taxels that have "
@@ -119,27 +119,18 @@ def structure_colours(n: int) -> FloatArray:
 
     # tab20 pairs strong with pale: strong ones first.
     order = [*range(0, 20, 2), *range(1, 20, 2)]
-    known = np.concatenate(
-        [colormaps["tab20"](np.array(order)), colormaps["tab20b"](np.array(order))]
-    )
+    known = np.concatenate([colormaps[name](np.array(order)) for name in ("tab20", "tab20b")])
     colours = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
     colours[: len(known)] = known[:n]
     return colours
 
 
-def colour_count() -> int:
-    """Number of structures with their own colour; more could not be distinguished."""
-    return 40
-
-
 def _by_part(
     skins: Mapping[str, PreparedSkin], found: Structures
 ) -> list[tuple[str, PreparedSkin, IntArray]]:
-    parts, start = [], 0
-    for name, skin in skins.items():
-        parts.append((name, skin, found.labels[start : start + len(skin)]))
-        start += len(skin)
-    return parts
+    ends = np.cumsum([len(skin) for skin in skins.values()])
+    labels = np.split(found.labels, ends[:-1])
+    return [(name, skin, own) for (name, skin), own in zip(skins.items(), labels, strict=True)]
 
 
 def _draw_prototypes(axis: Any, found: Structures, palette: FloatArray) -> None:

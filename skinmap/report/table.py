@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from html import escape
 from typing import Any
 
-from skinmap.rows import heading, value
+from skinmap.rows import by_class, formatted, heading, value
 
 Cell = str | int | float | None
 ROUNDING = 1e-9  # what is less is an error of arithmetic in every unit that tables have
@@ -32,11 +32,33 @@ class Table:
     title: str = ""
 
     @classmethod
-    def of(cls, kind: type, rows: Sequence[Any], fields: str, title: str = "") -> Table:
-        """Some fields of rows of a kind: "part cut_mm area.max", or "area.mean=spread" renamed."""
-        named = [field.partition("=")[::2] for field in fields.split()]
-        columns = [other or heading(kind, path) for path, other in named]
-        return cls(columns, [[value(row, path) for path, _ in named] for row in rows], title)
+    def of(
+        cls,
+        kind: type,
+        rows: Sequence[Any],
+        fields: str,
+        title: str = "",
+        classes: Sequence[str] = (),
+    ) -> Table:
+        """Some fields of rows of a kind: "part cut_mm area.max mean:% ece:.3f right:%=all".
+
+        Behind a colon stands a format, `%` for a share; behind = another heading, `_` for spaces.
+        `per_class` is a share for each of `classes`, a list of names a pair ("torso > left_arm").
+        """
+        columns: list[str] = []
+        cells: list[list[Cell]] = [[] for _ in rows]
+        for field in fields.split():
+            path, renamed, other = field.partition("=")
+            name, _, form = path.partition(":")
+            if name == "per_class":
+                columns += classes
+                for own, row in zip(cells, rows, strict=True):
+                    own += by_class(row, classes)
+                continue
+            columns.append(other.replace("_", " ") if renamed else heading(kind, name))
+            for own, row in zip(cells, rows, strict=True):
+                own.append(formatted(value(row, name), form))
+        return cls(columns, cells, title)
 
     @property
     def texts(self) -> list[bool]:

@@ -10,11 +10,10 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import SkinMismatchError
-from skinmap.flat.atlas import limb_frame
 from skinmap.geometry.triangles import face_normals
 from skinmap.live.moment import Moment
 from skinmap.report.page import plain_figure
-from skinmap.report.projection import choose_views, draw_surface
+from skinmap.report.projection import draw_surface, mesh_views
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.contacts.skin_geometry import ACTIVE, Contacts
 
@@ -57,10 +56,7 @@ def _figure(
     from matplotlib.colors import Normalize
 
     paint = ScalarMappable(Normalize(0.0, FULL), colormaps["YlOrRd"])
-    views = [
-        choose_views(m.vertices, m.faces, limb_frame(m.vertices, m.faces, m.skin.up))
-        for m, *_ in rows
-    ]
+    views = [mesh_views(mesh) for mesh, *_ in rows]
     across = max(map(len, views))
     figure = plain_figure((PANEL * across + 0.9, PANEL * len(rows) + 0.4))
     axes = figure.subplots(len(rows), across, squeeze=False)

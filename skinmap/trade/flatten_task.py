@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,19 +18,13 @@ if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
     from skinmap.skin.skin import Skin
 
+    Piece = tuple[Skin, TriangleMesh | None]  # a part and, where there is one, its link's mesh
+
 METHODS = ("lscm", "fast", "balanced", "slim", "dirichlet")
 # Beside what the methods take by themselves: 5, 5 and at most 200.
 ITERATIONS = {"balanced": (1, 20), "slim": (1,), "dirichlet": (5,)}
 # Maps on the other kinds of mesh: a few show what those bring.
 ON_OTHERS = ("fast", "balanced", "dirichlet")
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Piece:
-    """One part: its skin and, where there is one, its link's mesh."""
-
-    skin: Skin
-    body: TriangleMesh | None
 
 
 class FlattenTask:
@@ -61,10 +54,10 @@ class FlattenTask:
 
     def prepare(self, robot: Robot, parts: tuple[str, ...], *, seed: int) -> list[Piece]:
         """Skins and meshes of their links; nothing is drawn by chance."""
-        pieces = []
+        pieces: list[Piece] = []
         for name in parts:
             link = robot.part(name).link
-            pieces.append(Piece(robot.skin(name), robot.mesh(link) if link else None))
+            pieces.append((robot.skin(name), robot.mesh(link) if link else None))
         return pieces
 
     def run(self, prepared: list[Piece], setting: Setting, *, seed: int) -> Outcome:
@@ -79,8 +72,8 @@ class FlattenTask:
 
 def _map(piece: Piece, setting: Setting) -> FlatMap:
     meshing = str(setting.get("meshing", DEFAULT_MESHING))
-    body = piece.body if meshing == "accurate" else None
-    mesh = build_surface(piece.skin, method=meshing, body=body)
+    skin, body = piece
+    mesh = build_surface(skin, method=meshing, body=body if meshing == "accurate" else None)
     iterations = setting.get("iterations", "own")
     return flatten(
         mesh,

@@ -20,13 +20,13 @@ NEWER = {
 
 
 def test_every_entry_of_the_table_is_complete():
-    from benchmarks.harness.areas import NAMES
+    from benchmarks.harness.areas import AREAS
     from benchmarks.harness.asked import BOUNDS, asked
 
     entries = asked()
     assert len({(one["area"], one["what"]) for one in entries}) == len(entries)
     for one in entries:
-        assert one["area"] in (*NAMES, "bench"), one
+        assert one["area"] in (*AREAS, "bench"), one
         assert sum(bound in one for bound in BOUNDS) == 1, one
         assert one["source"].startswith("issue ")
         assert ("peer" in one) == ("peer_name" in one), one
@@ -86,10 +86,11 @@ def test_judge_says_met_short_and_why_not_measured(planted):
     assert rows["page complete"]["note"] == "this area was left out"
 
 
-def test_the_printed_table_names_what_falls_short(planted):
-    from benchmarks.harness.asked import table_text
+def test_the_printed_table_names_what_falls_short(planted, capsys):
+    from benchmarks.harness.asked import print_table
 
-    text = table_text(planted["asked"])
+    print_table(planted["asked"])
+    text = capsys.readouterr().out
     for kept in (False, True):  # of other runs, and of this one: each has its own line
         rows = [row for row in planted["asked"] if row["note"].startswith("kept in") == kept]
         assert rows
@@ -118,8 +119,7 @@ def test_a_time_that_the_quick_form_took_once_is_no_short_fall(planted):
 
 
 def test_what_stands_in_the_way_is_told_of_what_falls_short(planted):
-    from benchmarks.harness.asked import limits
-    from benchmarks.harness.bench_doc import doc_of
+    from benchmarks.harness.asked import doc_of, limits
 
     assert limits()
     assert all(text.endswith(".") for text in limits().values())

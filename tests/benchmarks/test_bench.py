@@ -19,7 +19,7 @@ def areas_of(**codes):
     """Planted areas, each a module of so much code."""
     from benchmarks.harness.areas import Area
 
-    return tuple(Area(name, f"planted_{name}", "planted", seconds=60.0) for name in codes)
+    return {name: Area(f"planted_{name}", "planted", seconds=60.0) for name in codes}
 
 
 @pytest.fixture
@@ -33,11 +33,11 @@ def planted_areas(tmp_path, monkeypatch):
         folder.mkdir()
         for name, code in codes.items():
             (folder / f"planted_{name}.py").write_text(code)
-        table = ", ".join(f"areas.Area({n!r}, 'planted_{n}', 'planted')" for n in codes)
+        table = ", ".join(f"{n!r}: areas.Area('planted_{n}', 'planted')" for n in codes)
         (folder / "child.py").write_text(
             f"import sys\nsys.path[:0] = [{str(folder)!r}, {str(ROOT)!r}]\n"
             "from benchmarks.harness import areas, bench\n"
-            f"areas.AREAS = ({table},)\nareas.NAMES = {tuple(codes)!r}\n"
+            f"areas.AREAS = {{{table}}}\n"
             "raise SystemExit(bench.main(sys.argv[1:]))\n"
         )
         monkeypatch.setattr(bench, "PROGRAM", (sys.executable, str(folder / "child.py")))
@@ -69,8 +69,8 @@ def test_a_failing_area_is_reported_and_hides_no_other(planted_areas, tmp_path):
 def test_an_area_that_takes_too_long_is_ended_with_all_that_it_started(planted_areas):
     code = "import subprocess\ndef measure(quick): subprocess.run(['sleep', '600'])"
     bench = planted_areas(slow=code)
-    area = bench.areas.Area("slow", "planted_slow", "planted", seconds=1.0)
-    found = bench.measure_one(area, "short")
+    area = bench.areas.Area("planted_slow", "planted", seconds=1.0)
+    found = bench.measure_one("slow", area, "short")
     assert found["failed"] == "took longer than 1 s"
     assert found["seconds"] < 60.0  # not the 600 s of what it started
 
@@ -87,7 +87,7 @@ def test_the_short_form_passes_on_what_a_module_takes(monkeypatch):
             return {}
 
     monkeypatch.setattr(areas, "import_module", lambda _: Module)
-    area = areas.Area("x", "x", "x", {"n": 7, "unknown": 3})
+    area = areas.Area("x", "x", {"n": 7, "unknown": 3})
     for form in ("short", "full", "quick"):
         areas.run(area, form)
         assert took.pop(form == "quick") == (7 if form == "short" else 1)

@@ -12,8 +12,7 @@ RESULTS = ROOT / "benchmarks" / "results"
 
 
 def test_the_page_of_benchmarks_has_every_key_and_what_falls_short(planted):
-    from benchmarks.harness.asked import asked
-    from benchmarks.harness.bench_doc import doc_of
+    from benchmarks.harness.asked import asked, doc_of
 
     text = doc_of(planted)
     assert all(f"| `{one['area']}.{one['key']}` |" in text for one in asked())
@@ -23,7 +22,7 @@ def test_the_page_of_benchmarks_has_every_key_and_what_falls_short(planted):
 
 @pytest.mark.parametrize(("page", "result"), [("benchmarks", "bench"), ("needs", "needs")])
 def test_a_page_is_what_its_results_say(page, result):
-    from benchmarks.harness.bench_doc import doc_of
+    from benchmarks.harness.asked import doc_of
     from benchmarks.scale.needs import page_of
 
     rows = json.loads((RESULTS / f"{result}.json").read_text(encoding="utf-8"))

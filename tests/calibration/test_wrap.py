@@ -74,7 +74,7 @@ def test_a_rival_is_told_by_how_much_less_likely_it_is(best, other, told):
         for away, cost in ((0.0, best), (30e-3, other))
     ]
     found = _ambiguous(minima, 6e-3, Names(np.arange(25)))
-    assert [doubt for _, doubt, _ in found] == [Doubt.RIVAL] * told
+    assert [doubt for doubt, _ in found] == [Doubt.RIVAL] * told
 
 
 def test_a_search_that_ends_before_it_settles_is_not_ok(monkeypatch):

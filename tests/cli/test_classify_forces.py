@@ -108,7 +108,7 @@ def test_loop_refuses_a_zero_of_another_day(skin) -> None:
     source = open_source("sim", robot=robot, parts=[PART], speed=float("inf"))
     old = {PART: straight(len(skin), span=260.0, age=3 * 86400.0)}
     loop = TouchLoop(robot, source, calibrations=old)
-    loop._loads._parts[PART]._needed = 10**9  # no rest that would be long enough
+    loop._loads[PART]._needed = 10**9  # no rest that would be long enough
     moment = next(one for one in loop if one.touches)
     loop.close()
     assert moment.touches[0].load.refused.startswith("its zero is 72 h old")

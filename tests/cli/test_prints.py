@@ -164,6 +164,5 @@ def test_prints_hold_on_people_left_out(tmp_path: Path) -> None:
     assert found["area_error_median"] <= 0.18
     assert found["area_error_p90"] <= 0.43
     assert found["centre_mm_median"] <= 1.1
-    # Of these two people more than asked for: 96 %. The people of the training spread further.
-    assert found["holds"] >= 0.85
-    assert found["high_to_low"] <= 3.0
+    assert 0.85 <= found["holds"] <= 0.95
+    assert found["high_to_low"] <= 2.8

@@ -7,7 +7,7 @@ import pytest
 
 import skinmap
 from skinmap.errors import DataFormatError, MissingFileError, SkinWarning
-from skinmap.io.recordings.readers import read_recordings, recording_readers
+from skinmap.io.recordings.touch_files import read_recordings, recording_readers
 from skinmap.touch.recording import Recording
 
 ROBOT, PART = "kaspar", "left_hand"

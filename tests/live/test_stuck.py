@@ -105,7 +105,7 @@ def test_no_touch_of_the_simulator_consists_of_stuck_taxels(name):
     source = SimulatedSource(
         robot, parts=parts, seed=3, speed=np.inf, sensing=Sensing(stuck=0.03), seconds=12.0
     )
-    stages = source._touching._stages
+    stages = source._stages
     hang = {
         stage.skin.part: set(stage.skin.channels[stage.sensors.stuck].tolist()) for stage in stages
     }

@@ -16,9 +16,14 @@ from skinmap.errors import InvalidArrayError, MessageError, SkinMismatchError, U
 from skinmap.io.ros2.message_types import encode
 from skinmap.io.ros2.messages import Cloud, read_cloud
 from skinmap.live import open_publisher, open_source
-from skinmap.live.network.zenoh_ros2 import ATTACHMENT, key_of, open_session, parse_zenoh
+from skinmap.live.network.zenoh_stream import (
+    ATTACHMENT,
+    key_of,
+    open_session,
+    parse_zenoh,
+    values_of,
+)
 from skinmap.live.sources.source import StreamInfo
-from skinmap.live.sources.zenoh_source import values_of
 
 zenoh = pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed")
 PART, LIMIT = "left_hand", 20.0

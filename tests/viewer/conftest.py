@@ -6,6 +6,7 @@ import contextlib
 import io
 import shutil
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import imageio.v3 as iio
 import numpy as np
@@ -130,13 +131,12 @@ class Hands:
         scene = self.window.scene
         target = self.window.controls.pointing._target(part)
         renderer = scene.plotter.renderers[0]
-        places = project(renderer, target.positions)
-        way = np.array(renderer.GetActiveCamera().GetPosition()) - target.positions
+        places = project(renderer, target.points)
+        way = np.array(renderer.GetActiveCamera().GetPosition()) - target.points
         way /= np.linalg.norm(way, axis=1, keepdims=True)
         facing = np.einsum("ij,ij->i", target.normals, way) > 0.6
         open_ = [
-            not self.window.controls.pointing._hidden(p, n)
-            for p, n in zip(target.positions, target.normals, strict=True)
+            not scene.framing.hidden(replace(target, middle=k)) for k in range(len(target.points))
         ]
         return np.flatnonzero(facing & np.array(open_)), places
 
@@ -237,7 +237,7 @@ def wandering(icub) -> list[Moment]:
 def drawn(opengl, icub, prepared) -> Iterator:
     """One scene for all windows; each window lets go of it again."""
     from viewer import Layers, Scene
-    from viewer.drawing.skin.lazy_maps import LazyMaps
+    from viewer.scene import LazyMaps
 
     skins = {part: prepared(part) for part in PARTS}
     made = Scene(

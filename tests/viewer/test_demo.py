@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 from skinmap.cli.main import cli
 from skinmap.errors import OutputError, SkinWarning
-from viewer.analysis import training_parts
+from viewer.demo import training_parts
 
 ROOT = Path(__file__).parents[2]
 KEYS = {
@@ -61,15 +61,15 @@ def test_demo_shows_the_other_physics_as_it_was_kept(demo):
 
 
 def test_installed_elsewhere_the_kept_results_lie_with_the_data(tmp_path, monkeypatch):
-    from viewer import analysis
+    from viewer import demo
 
     (tmp_path / "results").mkdir()
-    monkeypatch.setattr(analysis, "data_folder", lambda: tmp_path)
-    assert analysis.other_physics() is None
+    monkeypatch.setattr(demo, "data_folder", lambda: tmp_path)
+    assert demo.other_physics() is None
     rows = [{"trained_on": "ours", "tested_on": one, "mean": 0.5} for one in ("ours", "foam")]
     kept = {"frozen": "judge", "rows": rows}
-    (tmp_path / "results" / analysis.KEPT).write_text(json.dumps(kept))
-    assert analysis.other_physics().mean == {"foam": 0.5}
+    (tmp_path / "results" / demo.KEPT).write_text(json.dumps(kept))
+    assert demo.other_physics().mean == {"foam": 0.5}
 
 
 def test_demo_writes_every_file_it_lists_and_nothing_else(demo):

@@ -38,7 +38,7 @@ def played(request):
     session = Session(robot, (part,), source=f"sim:seed={seed}")
     session.prepare()
     source = session.open(hurry=True)
-    (stage,) = source._touching._stages
+    (stage,) = source._stages
     source.close()
     assert len(stage.sensors.stuck), "another seed: this one gives no stuck taxel"
     return session, part, stage.sensors.stuck, list(session.moments(SECONDS, name=False))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import textwrap
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
@@ -20,28 +20,19 @@ from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 from calibration.commands.anchor_session import AnchorSession, Solution, solve
 from calibration.commands.calibration_options import Outputs
 from calibration.commands.results import MM
-from skinmap.arrays import FloatArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import SkinError
 from skinmap.geometry.proximity import median_spacing
-from viewer.anchors.link import (
-    ANCHOR,
-    CHOSEN,
-    NEXT,
-    UNKNOWN,
-    Limits,
-    LinkPicture,
-    Marks,
-    Names,
-    channels,
-    error_layer,
-    ranked,
-)
-from viewer.colours import BACKGROUND, FAINT, INK, PANEL, rgb
-from viewer.drawing.frame.camera import look_down, project
+from skinmap.geometry.triangles import face_normals, unit
+from viewer.colours import BODY, FAINT, INK, PANEL, RAW_STOPS, ramp, rgb
+from viewer.drawing.frame.camera import look_down, project, world_points
 from viewer.drawing.frame.canvas import BODY_SHARE, new_plotter
+from viewer.drawing.frame.polydata import add_actor, make_lines, make_mesh, show_cells
+from viewer.drawing.skin.draw_positions import LIFT, polygons
+from viewer.drawing.touches.touch_marks import ring_quads
 from viewer.drawing.words.legend import Legend
 from viewer.drawing.words.text_lines import Line
-from viewer.interaction.picking import world_points
+from viewer.layers import Layer
 
 SIZE = (1280, 800)  # of the window [px]
 GOOD, DOUBTFUL = "#00795c", "#b04a00"
@@ -55,7 +46,16 @@ STATUS_WORDS = {
 LINES = 5  # of reasons
 LETTER = 0.56  # mean width of a letter, in heights
 LOW, HIGH, SIDE = 0.30, 0.90, 0.08  # where the board lies, in shares of the panel
-DISC, RING = 0.42, 0.72  # radii in pitches
+ANCHOR, NEXT, CHOSEN = "#101418", "#d3202f", "#d6249f"  # none is a colour of viridis
+UNKNOWN = "#c9ced4"  # taxels before there is a solution
+FEATURE_ANGLE = 35.0  # sharper edges stay sharp [deg]
+DISC, RING, BALL = 0.42, 0.75, 0.30  # radii in pitches
+FLAT_RING = 0.72  # on the board
+TURNED = np.radians([25.0, 20.0])  # the first view looks from beside and above, not flat on
+AWAY = 2.6  # of the camera, in lengths of what it looks at
+Limits = tuple[float, float]
+NONE: IntArray = np.zeros(0, np.int64)
+NO_POINT: FloatArray = np.zeros((0, 3))
 KEYS = (
     "click a taxel here, then its point on the link",
     "(or the point first); drag turns the link",
@@ -66,6 +66,195 @@ KEYS = (
 
 STILL = 4  # a mouse that moved less than this between press and release has clicked [px]
 IDLE = 0.02  # between two looks at mouse and keys [s]
+
+
+def error_layer(limits: Limits) -> Layer:
+    """Colours of predicted errors between two limits [mm]: viridis, as in the report."""
+    about = "error", "predicted error", "sd, mm"
+    return Layer(*about, limits, ramp(RAW_STOPS), lambda *_: np.zeros(0))
+
+
+def round_limits(values_mm: FloatArray) -> Limits:
+    """Ends of a scale for values [mm]: the least and the largest, rounded outward to a tenth."""
+    low = float(np.floor(10.0 * values_mm.min() + 1e-9)) / 10.0
+    high = float(np.ceil(10.0 * values_mm.max() - 1e-9)) / 10.0
+    return low, max(high, low + 0.1)
+
+
+def channels(session: AnchorSession) -> list[str]:
+    """What the anchors' taxels are called."""
+    return [str(session.channel(anchor.taxel)) for anchor in session.anchors]
+
+
+def ranked(session: AnchorSession, taxels: IntArray) -> list[str]:
+    """What taxels to measure next are called, the best first."""
+    names = session.board.channels[taxels]
+    return [f"{rank}: {name}" for rank, name in enumerate(names, start=1)]
+
+
+class Marks:
+    """One mesh in a renderer, replaced as often as one likes without a new actor."""
+
+    def __init__(self, plotter: pv.Plotter, colour: str = INK, *, width: float = 2.0) -> None:
+        self.mesh = pv.PolyData()
+        self.actor = add_actor(plotter, self.mesh, colour=colour, width=width)
+
+    def show(self, mesh: pv.PolyData, colours: NDArray[np.uint8] | None = None) -> None:
+        """Draw a mesh; colours (cells, 3) where it has more than one."""
+        self.actor.mapper.SetScalarVisibility(colours is not None)
+        show_cells(self.mesh, mesh, colours)
+
+
+def rings(places: FloatArray, normals: FloatArray, radius: float, share: float) -> pv.PolyData:
+    """A ring around each place (k, 3), facing its normal (k, 3) [m], `share` of it thick."""
+    quads = ring_quads(places, normals, (1.0 - share) * radius, radius)
+    return make_mesh(quads.reshape(-1, 3), np.arange(4 * len(quads)).reshape(-1, 4))
+
+
+def balls(places: FloatArray, radius: float) -> pv.PolyData:
+    """A ball at each place (k, 3) [m]."""
+    ball = pv.Sphere(radius=radius, theta_resolution=16, phi_resolution=12)
+    here = pv.PolyData(places)
+    return here.glyph(geom=ball, scale=False, orient=False) if len(places) else here
+
+
+class Names:
+    """Words that stand beside places of the scene and follow the camera."""
+
+    def __init__(self, renderer: Any, font_px: int, colour: str) -> None:
+        self.renderer, self.font_px, self.colour = renderer, font_px, colour
+        self.actors: list[Any] = []
+        self.places, self.normals = NO_POINT, NO_POINT
+        renderer.AddObserver("StartEvent", lambda *_: self._turn())
+
+    def show(
+        self, words: Sequence[str], places: FloatArray, normals: FloatArray = NO_POINT
+    ) -> None:
+        """Words beside places (k, 3) [m]; those whose normal (k, 3) looks away are left out."""
+        while len(self.actors) < len(words):
+            line = Line(self.renderer, (0.0, 0.0), self.font_px, bold=True, colour=self.colour)
+            line.back("#ffffff")
+            line.actor.GetPositionCoordinate().SetCoordinateSystemToWorld()
+            self.actors.append(line.actor)
+        self.places, self.normals = places, normals
+        for number, actor in enumerate(self.actors):
+            actor.SetVisibility(number < len(words))
+            if number < len(words):
+                actor.SetInput(words[number])
+                actor.GetPositionCoordinate().SetValue(*places[number])
+
+    def _turn(self) -> None:
+        """Hide what is on the far side now."""
+        if len(self.normals) == 0:
+            return
+        eye = np.array(self.renderer.GetActiveCamera().GetPosition())
+        seen = np.einsum("kd,kd->k", eye - self.places, self.normals) > 0.0
+        for actor, visible in zip(self.actors, seen, strict=False):
+            actor.SetVisibility(bool(visible))
+
+
+class LinkPicture:
+    """The link in a plotter's active renderer.
+
+    Parameters
+    ----------
+    plotter : pyvista.Plotter
+    session : AnchorSession
+    font_px : int
+        Height of the letters [px].
+    """
+
+    def __init__(self, plotter: pv.Plotter, session: AnchorSession, font_px: int) -> None:
+        self.session = session
+        self.renderer = plotter.renderer
+        self.vertices = np.ascontiguousarray(session.link[0], np.float64)
+        self.faces = np.ascontiguousarray(session.link[1], np.int64)
+        self._mesh = make_mesh(self.vertices, self.faces)
+        self.normals = face_normals(self.vertices, self.faces)
+        self.pitch = median_spacing(session.board.layout)
+        body = add_actor(plotter, _smooth(self._mesh), colour=BODY, lit=True)
+        body.prop.ambient, body.prop.diffuse = 0.35, 0.65
+        self.patch = Marks(plotter)
+        self.lines = Marks(plotter, NEXT, width=3.0)
+        self.following = Marks(plotter, NEXT)
+        self.chosen = Marks(plotter, CHOSEN)
+        self.balls = Marks(plotter, ANCHOR)
+        self.names = Names(self.renderer, font_px, ANCHOR)
+        self.next_names = Names(self.renderer, font_px, NEXT)
+
+    def show(self) -> Limits | None:
+        """Draw what the session has now; the limits of the scale [mm], None without a patch."""
+        session, found = self.session, self.session.found
+        points = session.task().points if session.anchors else NO_POINT
+        radius = BALL * self.pitch
+        known = [anchor.taxel for anchor in session.anchors]
+        out = self._outward(points)
+        if found is not None:  # above the patch, which is drawn above its taxels
+            points = points + 1.2 * LIFT * found.normals[known]
+        self.balls.show(balls(points, radius))
+        self.names.show(channels(session), points, out)
+        chosen = NO_POINT if session.point is None else session.point[None]
+        self.chosen.show(balls(chosen, 1.3 * radius))
+        if found is None:
+            for marks in (self.patch, self.lines, self.following):
+                marks.show(pv.PolyData())
+            self.next_names.show([], NO_POINT)
+            return None
+        limits = round_limits(MM * found.predicted_sd)
+        high = found.positions + LIFT * found.normals
+        colours = error_layer(limits).colours(MM * found.predicted_sd)
+        self.patch.show(polygons(high, found.normals, DISC * self.pitch), colours)
+        feet = found.positions[known] + 1.2 * LIFT * found.normals[known]
+        pairs = np.arange(2 * len(feet)).reshape(2, -1).T
+        self.lines.show(make_lines(np.concatenate([points, feet]), pairs))
+        after, facing = found.next_taxels, found.normals[found.next_taxels]
+        around = high[after] + 0.5 * LIFT * facing
+        self.following.show(rings(around, facing, RING * self.pitch, 0.3))
+        self.next_names.show(ranked(session, after), high[after], facing)
+        return limits
+
+    def pick(self, x: float, y: float) -> FloatArray | None:
+        """The point (3,) [m] of the link under a pixel; None beside it."""
+        near, far = world_points(self.renderer, x, y)
+        point, _ = self._mesh.ray_trace(near, far, first_point=True)
+        return np.asarray(point, np.float64) if len(point) else None
+
+    def _outward(self, points: FloatArray) -> FloatArray:
+        """(k, 3) normals of the link nearest to some points (k, 3)."""
+        if len(points) == 0:
+            return NO_POINT
+        return np.asarray(self.normals[self._mesh.find_closest_cell(points)]).reshape(-1, 3)
+
+    def look(self) -> None:
+        """Turn to the patch, or where there is none yet to the link, from where the anchors are."""
+        found, anchors = self.session.found, self.session.anchors
+        points, out = self.vertices, np.array([1.0, 0.0, 0.3])
+        if found is not None:
+            points, out = found.positions, found.normals.mean(axis=0)
+        elif anchors:
+            out = self.session.task().points.mean(axis=0) - self.vertices.mean(axis=0)
+        _, _, axes = np.linalg.svd(points - points.mean(axis=0), full_matrices=False)
+        out = unit(out if np.linalg.norm(out) > 1e-9 else axes[-1])
+        up = axes[0] - (axes[0] @ out) * out
+        up = unit(up if np.linalg.norm(up) > 0.1 else np.cross(out, axes[1]))
+        up = up * (np.sign(up[np.argmax(np.abs(up))]) or 1.0)
+        side = np.cross(up, out)
+        beside, above = np.tan(TURNED)
+        middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        size = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
+        camera: Any = self.renderer.GetActiveCamera()
+        camera.SetFocalPoint(*middle)
+        camera.SetPosition(*(middle + AWAY * size * unit(out + beside * side + above * up)))
+        camera.SetViewUp(*up)
+        self.renderer.ResetCameraClippingRange()
+
+
+def _smooth(mesh: pv.PolyData) -> pv.PolyData:
+    """The link as it came, shaded smoothly; picks go to the same triangles."""
+    return mesh.clean(point_merging=True).compute_normals(
+        cell_normals=False, split_vertices=True, feature_angle=FEATURE_ANGLE,
+        consistent_normals=False,
+    )  # fmt: skip
 
 
 class BoardPanel:
@@ -108,17 +297,21 @@ class BoardPanel:
         if found is None or limits is None:
             grey = np.rint(255 * rgb(UNKNOWN)).astype(np.uint8)
             colours = np.tile(grey, (len(self.places), 1))
-            following = np.zeros(0, np.int64)
+            following = NONE
         else:
             colours = error_layer(limits).colours(MM * found.predicted_sd)
             following = found.next_taxels
-        self.taxels.discs(self.places, self.up, DISC * self.pitch, colours)
+        self.taxels.show(polygons(self.places, self.up, DISC * self.pitch), colours)
         known = np.array([anchor.taxel for anchor in session.anchors], np.int64)
-        radius = RING * self.pitch
-        self.anchors.rings(self._lifted(known, 1), self.up[known], radius, 0.3)
-        self.following.rings(self._lifted(following, 1), self.up[following], radius, 0.3)
         chosen = np.array([] if session.taxel is None else [session.taxel], np.int64)
-        self.chosen.rings(self._lifted(chosen, 2), self.up[chosen], 1.25 * radius, 0.35)
+        radius = FLAT_RING * self.pitch
+        for marks, taxels, layer, wide, share in (
+            (self.anchors, known, 1, radius, 0.3),
+            (self.following, following, 1, radius, 0.3),
+            (self.chosen, chosen, 2, 1.25 * radius, 0.35),
+        ):
+            above = self.places[taxels] + [0.0, 0.0, layer * 1e-4]
+            marks.show(rings(above, self.up[taxels], wide, share))
         beside = np.array([0.5, 0.5, 0.0]) * self.pitch
         self.names.show(channels(session), self.places[known] + beside)
         self.next_names.show(ranked(session, following), self.places[following] + beside)
@@ -127,10 +320,6 @@ class BoardPanel:
     def place(self, x: float, y: float) -> FloatArray:
         """The place (2,) on the board under a pixel [m]."""
         return world_points(self.renderer, x, y)[0][:2]
-
-    def _lifted(self, taxels: FloatArray | Any, layer: int) -> FloatArray:
-        """Places of some taxels, in a layer above the discs [m]."""
-        return self.places[taxels] + [0.0, 0.0, layer * 1e-4]
 
     def _look(self) -> None:
         """Fit the board between the caption and the keys."""
@@ -184,9 +373,7 @@ class CalibrationView:
             Line(body, (0.02, 0.975 - (2.2 + row) * step), font) for row in range(LINES)
         ]
         for line in (self.status, *self.reasons):  # they stand before the link
-            style = line.actor.GetTextProperty()
-            style.SetBackgroundColor(*rgb(BACKGROUND))
-            style.SetBackgroundOpacity(0.8)
+            line.back(opacity=0.8)
         self.message = Line(body, (0.02, 0.055), font, bold=True)
         self.plotter.subplot(0, 1)
         self.board = BoardPanel(self.plotter, session, font)

@@ -20,9 +20,9 @@ from skinmap.skin.skin import fingerprint
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 from viewer.colours import DIFFERENCE_STOPS, INK, ramp
 from viewer.layers import Layer
-from viewer.results import Beside, ChangedTouch, Difference, ShownTouch
+from viewer.results import Beside, ChangedTouch, Difference
 from viewer.scene import Scene
-from viewer.view_files import still_moment
+from viewer.view_files import shown_touches, still_moment
 from viewer.view_options import Look, Session, new_scene
 
 if TYPE_CHECKING:
@@ -110,10 +110,7 @@ def write_beside(
         robot=other.robot.name,
         source=other.source,
         time=None if second is None else second.time - other.origin,
-        touches=[
-            ShownTouch(part=one.part, label=one.label, confidence=one.confidence)
-            for one in _touches(second)
-        ],
+        touches=shown_touches(second),
         difference=found,
         note="" if common else lines[0],
     )
@@ -282,7 +279,7 @@ def _difference_picture(
     unit = f"{left.layer.unit}, right less left" if left.layer.unit else "1 where they differ"
     scene.layer = Layer(
         "difference", f"difference of {left.layer.title}", unit, (-top, top),
-        ramp(DIFFERENCE_STOPS), (), False, "nothing in common", source,
+        ramp(DIFFERENCE_STOPS), source, missing="nothing in common",
     )  # fmt: skip
     if moment is not None:
         scene.show_moment(moment)

@@ -10,7 +10,7 @@ import pyvista as pv
 from skinmap.io.output import staged_file
 from viewer.colours import BODY, rgb
 from viewer.drawing.body.bare_body import body_meshes
-from viewer.drawing.skin.draw_positions import LIFT, hexagons
+from viewer.drawing.skin.draw_positions import LIFT, polygons
 from viewer.drawing.skin.taxel_drawing import set_normals
 from viewer.scene import Scene
 
@@ -30,10 +30,21 @@ def write_gltf(scene: Scene, path: Path) -> Path:
     path : Path
         Ends in .glb.
 
+    Returns
+    -------
+    Path
+        The same.
+
     Raises
     ------
     OutputError
         The folder does not exist or cannot be written to.
+
+    Examples
+    --------
+    >>> from viewer import Scene, write_gltf
+    >>> write_gltf(Scene.load("kaspar", ["torso"]), Path("torso.glb")).name
+    'torso.glb'
     """
     import trimesh
 
@@ -57,7 +68,7 @@ def write_gltf(scene: Scene, path: Path) -> Path:
     for part, drawn in scene.layers.items():
         skin = drawn.skin
         radius = DISC_SHARE * skin.spacing
-        discs = hexagons(skin.positions + LIFT * skin.normals, skin.normals, radius)
+        discs = polygons(skin.positions + LIFT * skin.normals, skin.normals, radius)
         set_normals(discs, np.repeat(skin.normals, CORNERS, axis=0))
         colours = scene.layer.colours(scene.layer.values(part, scene.moment))
         add(f"skin {part}", skin.link, discs, np.repeat(colours, CORNERS, axis=0))

@@ -18,8 +18,8 @@ from skinmap.io.output import staged_file
 from skinmap.live.moment import Moment
 from viewer.scene import Scene
 from viewer.web.files import joined_scripts, page_text
-from viewer.web.offline_page_data import pack_reel
-from viewer.web.scene_data import WebScene, make_scene
+from viewer.web.sample import pack_reel
+from viewer.web.scene_data import make_scene
 
 CELL = 4e-3  # of the body's meshes [m]: files stay small
 HEAD = re.compile(r"<link rel=.*</script>\n", re.S)  # files that the served page brings
@@ -46,15 +46,29 @@ def write_html(
     size : (int, int), optional
         Width and height of the robot's picture [px]; as large as the page by default.
 
+    Returns
+    -------
+    Path
+        The same.
+
     Raises
     ------
     OutputError
         The folder does not exist or cannot be written to.
+
+    Examples
+    --------
+    >>> from viewer import Scene, write_html
+    >>> write_html(Scene.load("kaspar", ["torso"]), Path("torso.html")).name
+    'torso.html'
     """
     played = list(moments) or [scene.moment]
     first = len(played) - 1 if now is None else now
+    skins = {part: scene.data.skins[part] for part in scene.layers}
+    links = scene.canvas.body.links  # the same parts and links, in the same pose
+    web = make_scene(scene.robot, skins, angles=scene.angles, links=links, cell=CELL)
     reel = pack_reel(
-        web := web_scene(scene),
+        web,
         scene.data,
         played,
         now=first,
@@ -65,18 +79,6 @@ def write_html(
     with staged_file(path) as stage:
         stage.write_text(page(web.packed, reel, scene.robot.name), encoding="utf-8")
     return path
-
-
-def web_scene(scene: Scene) -> WebScene:
-    """What the page draws of a scene: the same parts and links, in the same pose."""
-    skins = {part: scene.data.skins[part] for part in scene.layers}
-    return make_scene(
-        scene.robot,
-        skins,
-        angles=scene.angles,
-        links=scene.canvas.body.links,
-        cell=CELL,
-    )
 
 
 def page(scene: bytes, reel: bytes | None, title: str) -> str:

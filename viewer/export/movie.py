@@ -47,6 +47,12 @@ def write_movie(path: str | Path, frames: Iterable[Picture], fps: float) -> Path
         No picture at all.
     OutputError
         The folder does not exist or cannot be written to.
+
+    Examples
+    --------
+    >>> from viewer import write_movie
+    >>> write_movie("grey.gif", np.full((2, 48, 64, 3), 128, np.uint8), 25.0).name
+    'grey.gif'
     """
     movie = MovieWriter(path, fps)
     try:

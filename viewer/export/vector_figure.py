@@ -32,7 +32,8 @@ from skinmap.report.vectors import (
     drawing_svg,
     drawings_pdf,
 )
-from viewer.drawing.frame.camera import project
+from viewer.colours import hexed
+from viewer.drawing.frame.camera import project, projection
 
 if TYPE_CHECKING:
     from viewer.scene import Scene
@@ -162,19 +163,12 @@ def _outlines(scene: Scene, page: _Page, depth: FloatArray) -> Iterator[Shape]:
     at = project(renderer, middle)
     h, w = depth.shape
     column, row = (np.clip(at[:, k].astype(int), 0, size - 1) for k, size in ((0, w), (1, h)))
-    seen = _depths(renderer, middle) <= depth[row, column]
+    z, distance = projection(renderer, 0.0)[2:] @ np.column_stack([middle, np.ones(len(middle))]).T
+    seen = z / distance <= depth[row, column]  # as the z-buffer has them
     placed = page(project(renderer, points), renderer.GetOrigin())[lines]
     for actor, halo in zip(actors, (True, False), strict=True):
         width = actor.prop.line_width * page.unit
         yield from _by_colour(placed[seen], tints[seen], width, white=halo, layer="outlines")
-
-
-def _depths(renderer: Any, points: FloatArray) -> FloatArray:
-    """(n,) of points (n, 3), as the z-buffer has them."""
-    w, h = renderer.GetSize()
-    matrix = renderer.GetActiveCamera().GetCompositeProjectionTransformMatrix(w / h, 0.0, 1.0)
-    T = np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
-    return np.asarray((T[2, :3] @ points.T + T[2, 3]) / (T[3, :3] @ points.T + T[3, 3]))
 
 
 def _segments(mesh: Any) -> tuple[FloatArray, NDArray[np.int64], NDArray[np.uint8]]:
@@ -195,7 +189,7 @@ def _by_colour(
     tints = np.full_like(tints, 255) if white else tints
     turns = np.flatnonzero((tints[1:] != tints[:-1]).any(axis=1)) + 1
     for own, shade in zip(np.split(pieces, turns), np.split(tints, turns), strict=True):
-        name = "#{:02x}{:02x}{:02x}".format(*shade[0].tolist())
+        name = hexed((shade[0] / 255.0).tolist())
         if width:
             yield Pieces(own, name, NOTHING, width, layer)
         else:
@@ -281,7 +275,7 @@ def _text(renderer: Any, prop: Any, page: _Page) -> Iterator[Shape]:
     if style.GetBackgroundOpacity() > 0.0:  # what shines through in the window is white on paper
         ground = page(corners[None], place)
         solid = style.GetBackgroundOpacity() == 1.0
-        fill = _hex(style.GetBackgroundColor() if solid else WHITE)
+        fill = hexed(style.GetBackgroundColor() if solid else WHITE)
         yield Pieces(ground, fill, fill, HAIR, layer="front")
     text = prop.GetInput()
     size = float(style.GetFontSize())
@@ -292,9 +286,5 @@ def _text(renderer: Any, prop: Any, page: _Page) -> Iterator[Shape]:
     width = (box[1] - box[0]) * page.unit - 0.28 * size * page.unit * (len(text) - len(shown))
     yield Words(
         float(x) + blank, float(y), shown, size * page.unit, layer="words",
-        colour=_hex(style.GetColor()), bold=bool(style.GetBold()), width=max(width, 0.1),
+        colour=hexed(style.GetColor()), bold=bool(style.GetBold()), width=max(width, 0.1),
     )  # fmt: skip
-
-
-def _hex(colour: tuple[float, float, float]) -> str:
-    return "#" + "".join(f"{round(255 * channel):02x}" for channel in colour)

@@ -16,8 +16,7 @@ from viewer.drawing.touches.traces import COURSES
 from viewer.drawing.touches.traces import SPANS as SPANS_PLOTTED
 from viewer.interaction.mouse import Mouse, Pace
 from viewer.interaction.overlays import Notice, Slider, Spans, TextBox
-from viewer.interaction.picking import within
-from viewer.interaction.pointing import Pointing
+from viewer.interaction.pointing import Pointing, within
 from viewer.interaction.saving import Files
 from viewer.interaction.selection import Lasso, Reach
 from viewer.layers import LAYERS
@@ -374,6 +373,15 @@ class Controls:
         panel = self.scene.panel
         if panel is not None and panel.point(x, y):
             self.scene.canvas.changed = self.changed = True
+
+    def leave(self) -> None:
+        """The mouse has left the window: nothing is pointed at."""
+        self.pointing.leave()
+        self.changed = True
+
+    def redraw(self) -> None:
+        """The window has another size, or was covered."""
+        self.changed = True
 
     def remove(self) -> None:
         """Take everything out of the scene that was put there."""

@@ -63,6 +63,9 @@ def describe(
     if not 0 <= taxel < len(skin):
         raise InvalidArrayError(f"{part!r} has taxels 0 to {len(skin) - 1}, not {taxel}")
     touches = () if moment is None else moment.touches
+    found: str | None = "being found"
+    if structure:
+        found = _category(layers.get("structures"), part, taxel, None)
     return {
         "part": part,
         "taxel": taxel,
@@ -74,7 +77,7 @@ def describe(
         "normal": skin.normals[taxel].round(2).tolist(),
         "neighbours": skin.channels[neighbours(prepared, taxel)].tolist(),
         **_felt(part, taxel, moment),
-        "structure": _structure(layers, part, taxel) if structure else "being found",
+        "structure": found or "unknown",
         "health": _category(layers.get("health"), part, taxel, moment),
         "shown": _shown(layers.get(shown), part, taxel, moment),
         "touches": [caption(t) for t in touches if t.part == part and taxel in t.taxels],
@@ -108,10 +111,6 @@ def _category(layer: Layer, part: str, taxel: int, moment: Moment | None) -> str
         return None
     kind = layer.values(part, moment)[taxel]
     return layer.categories[round(kind)] if np.isfinite(kind) else None
-
-
-def _structure(layers: Layers, part: str, taxel: int) -> str:
-    return _category(layers.get("structures"), part, taxel, None) or "unknown"
 
 
 def lines(about: Mapping[str, Any]) -> tuple[str, ...]:

@@ -1,19 +1,21 @@
 """What the mouse does: it drags the time slider, draws lassos, points and chooses.
 
-Pixels are those of the window, y upwards, as VTK counts them. Nothing here knows VTK's events.
+Pixels are those of the window, y upwards, as VTK counts them.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Literal
+from functools import partial
+from typing import TYPE_CHECKING, Any, Literal
 
 from viewer.interaction.selection import Lasso, Reach
 
 if TYPE_CHECKING:
     from viewer.interaction.controls import Controls
 
+FIRST = 10.0  # priority: before the camera's style, which then does not hear what is not for it
 CLICK = 4.0  # a press that moves less is a click [px]
 
 Doing = Literal["nothing", "turning", "sliding", "panning", "lasso"]
@@ -107,3 +109,74 @@ class Pace:
             return False
         self._next = now + self.period
         return True
+
+
+class Events:
+    """Observers of one interactor."""
+
+    def __init__(self, interactor: Any, controls: Controls) -> None:
+        self.interactor, self.controls = interactor, controls
+        self._tags: list[tuple[Any, int]] = []
+        # Other keys of VTK's would end the program (e) or draw a wireframe (w) behind our back.
+        interactor.RemoveObservers("CharEvent")
+        interactor.RemoveObservers("KeyPressEvent")
+        mouse = controls.mouse
+        self._on("KeyPressEvent", lambda: controls.press(interactor.GetKeySym()) and False)
+        self._on("LeftButtonPressEvent", lambda: mouse.press(*self._place()))
+        # A style that turns the camera keeps these for itself, but for who only listens.
+        self._on("MouseMoveEvent", lambda: mouse.move(*self._place()), passive=True)
+        self._on("LeftButtonReleaseEvent", self._release, passive=True)
+        self._on("LeaveEvent", controls.leave)
+        self._on("ExitEvent", controls.close)
+        for name, factor in (("MouseWheelForwardEvent", 0.8), ("MouseWheelBackwardEvent", 1.25)):
+            self._on(name, partial(self._wheel, factor))
+        for name in ("RightButtonPressEvent", "MiddleButtonPressEvent"):
+            self._on(name, lambda: controls.over_map(*self._place()))
+        for name in ("ConfigureEvent", "ExposeEvent"):
+            self._on(name, controls.redraw)
+        style = interactor.GetInteractorStyle()
+        if style is not None:
+            self._on("InteractionEvent", controls.lead, style)
+
+    def close(self) -> None:
+        """Let go of the interactor."""
+        for source, tag in self._tags:
+            source.RemoveObserver(tag)
+        self._tags.clear()
+
+    def _on(
+        self,
+        name: str,
+        action: Callable[[], bool | None],
+        source: Any = None,
+        *,
+        passive: bool = False,
+    ) -> None:
+        """Do something at an event; where that returns true, other observers do not hear of it."""
+        source = self.interactor if source is None else source
+        tag: list[int] = []
+
+        def happened(*_: object) -> None:
+            consumed = action()
+            command = source.GetCommand(tag[0])
+            if command is not None:
+                command.SetAbortFlag(1 if consumed else 0)
+
+        tag.append(source.AddObserver(name, happened, FIRST))
+        source.GetCommand(tag[0]).SetPassiveObserver(passive)
+        self._tags.append((source, tag[0]))
+
+    def _place(self) -> tuple[float, float]:
+        x, y = self.interactor.GetEventPosition()
+        return float(x), float(y)
+
+    def _release(self) -> bool:
+        shift, control = self.interactor.GetShiftKey(), self.interactor.GetControlKey()
+        return self.controls.mouse.release(*self._place(), shift=bool(shift), control=bool(control))
+
+    def _wheel(self, factor: float) -> bool:
+        """The wheel zooms time line and plot, else the body's camera, never the flat map's."""
+        if self.controls.zoom(*self._place(), factor) or self.controls.over_map(*self._place()):
+            return True
+        self.controls.lead()
+        return False

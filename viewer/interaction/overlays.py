@@ -109,9 +109,9 @@ class Notice(TextBox):
         super().__init__(renderer, font_px)
         self._until = 0.0
 
-    def say(self, text: str, *, seconds: float = SECONDS) -> None:
+    def say(self, text: str) -> None:
         """Show a line for so long."""
-        self._until = time.perf_counter() + seconds
+        self._until = time.perf_counter() + SECONDS
         width, height = self.renderer.GetSize()
         aside = ASIDE * self.font_px
         self.tell([text], 0.02 * width - aside, height - HEAD * self.font_px - aside)
@@ -135,11 +135,6 @@ class Trace2D(Shapes):
         super().__init__(renderer, 2.0)
         self.hide()
 
-    @property
-    def shown(self) -> bool:
-        """Whether it is in the picture."""
-        return bool(self.actor.GetVisibility())
-
     def hide(self) -> None:
         """Take it out of the picture."""
         self.actor.SetVisibility(False)
@@ -162,12 +157,16 @@ class Slider:
     renderer : vtkRenderer
     font_px : int
         Height of the letters [px].
-    lanes : sequence of str
+
+    Attributes
+    ----------
+    lanes : tuple of str
         Parts, the first one on top.
     """
 
-    def __init__(self, renderer: vtkRenderer, font_px: int, lanes: Sequence[str] = ()) -> None:
-        self.renderer, self.font_px, self.lanes = renderer, font_px, tuple(lanes)
+    def __init__(self, renderer: vtkRenderer, font_px: int) -> None:
+        self.renderer, self.font_px = renderer, font_px
+        self.lanes: tuple[str, ...] = ()
         self.position, self.span = 0.0, (0.0, math.nan)
         self.zoomed: tuple[float, float] | None = None  # what is seen of it [s]
         self._touches: Spans = ()

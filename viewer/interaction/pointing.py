@@ -3,30 +3,58 @@
 from __future__ import annotations
 
 import time
+from dataclasses import replace
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.live.moment import Moment
-from viewer.drawing.frame import camera
-from viewer.drawing.frame.camera import project
+from viewer.drawing.frame.camera import FACING, Target, project, world_points
+from viewer.drawing.skin.draw_positions import raised
 from viewer.interaction.describe import describe, lines
 from viewer.interaction.mouse import Pace
 from viewer.interaction.overlays import RING, TextBox, Trace2D
-from viewer.interaction.picking import (
-    MapTargets,
-    Pick,
-    Target,
-    pick_on_body,
-    ray,
-    within,
-    world_points,
-)
 from viewer.interaction.selection import Lasso, Reach, Selection, reached
 from viewer.scene import Scene
 
 HOVER = 0.06  # between two looks at what lies under the mouse [s]
+SHARE = 0.75  # of the spacing: how far beside a taxel it is still meant
+NEAR_PX = 4.0  # however small taxels are in the picture, so near is near enough [px]
+SHEET = 0.015  # taxels that lie so much deeper than the first belong to another side [m]
+
+
+class Pick(NamedTuple):
+    """One taxel that the mouse points at.
+
+    Attributes
+    ----------
+    part : str
+    taxel : int
+        Dense row.
+    where : {"body", "map"}
+    """
+
+    part: str
+    taxel: int
+    where: Literal["body", "map"]
+
+
+class MapTargets(NamedTuple):
+    """The vertices of a part's flat map: taxels (k,), two or more on a seam, and places (k, 2)."""
+
+    taxels: IntArray
+    uv: FloatArray
+    tree: cKDTree
+
+
+def within(renderer: Any, x: float, y: float) -> bool:
+    """Whether a pixel of the window lies in a renderer."""
+    left, bottom = renderer.GetOrigin()
+    width, height = renderer.GetSize()
+    return bool(left <= x < left + width and bottom <= y < bottom + height)
 
 
 class Pointing:
@@ -41,52 +69,77 @@ class Pointing:
         self.moment: Moment | None = None
         self._pace = Pace(HOVER, time.perf_counter)
         self._mouse: tuple[float, float] | None = None
-        self._boxes = {"body": TextBox(self._body, scene.font_px)}
-        self._rings = {"body": Trace2D(self._body)}
         self._line: Trace2D | None = None
+        renderers = {"body": self._body}
+        if scene.panel is not None:
+            renderers["map"] = scene.panel.renderer
+            self._line = Trace2D(scene.panel.renderer)
+        self._boxes = {where: TextBox(one, scene.font_px) for where, one in renderers.items()}
+        self._rings = {where: Trace2D(one) for where, one in renderers.items()}
         self._maps: dict[str, MapTargets] = {}
         self._spacings = {part: s.skin.spacing for part, s in self.skins.items()}
-        if scene.panel is not None:
-            self._boxes["map"] = TextBox(scene.panel.renderer, scene.font_px)
-            self._rings["map"] = Trace2D(scene.panel.renderer)
-            self._line = Trace2D(scene.panel.renderer)
 
     # Picking.
 
     def pick(self, x: float, y: float) -> Pick | None:
         """The taxel at a pixel of the window."""
-        scene = self.scene
-        if scene.panel is not None and within(scene.panel.renderer, x, y):
-            renderer = scene.panel.renderer
-            one, other = world_points(renderer, x, y)[0], world_points(renderer, x + 1, y)[0]
-            return self._map_targets(scene.panel.part).at(one[:2], float(abs(other - one).max()))
-        if not within(self._body, x, y):
+        panel = self.scene.panel
+        if panel is not None and within(panel.renderer, x, y):
+            return self._pick_on_map(panel.renderer, panel.part, x, y)
+        return self._pick_on_body(x, y) if within(self._body, x, y) else None
+
+    def _pick_on_map(self, renderer: Any, part: str, x: float, y: float) -> Pick | None:
+        """The taxel of the flat map at a pixel."""
+        one, other = world_points(renderer, x, y)[0], world_points(renderer, x + 1, y)[0]
+        metres = float(abs(other - one).max())  # that a pixel is wide
+        reach = max(SHARE * self._spacings[part], NEAR_PX * metres)
+        targets = self._map_targets(part)
+        distance, row = targets.tree.query(one[:2], distance_upper_bound=reach)
+        return Pick(part, int(targets.taxels[row]), "map") if np.isfinite(distance) else None
+
+    def _pick_on_body(self, x: float, y: float) -> Pick | None:
+        """The taxel that is met first at a pixel, if it faces the camera and nothing hides it."""
+        near, far = world_points(self._body, x, y)
+        camera = self._body.GetActiveCamera()
+        half = np.tan(np.radians(camera.GetViewAngle() / 2))
+        spread = 2.0 * float(half) / self._body.GetSize()[1]  # of a pixel per metre of way [m]
+        ahead = (far - near) / np.linalg.norm(far - near)
+        best: tuple[float, float, str, Target] | None = None
+        for part in self.scene.layers:
+            target = self._target(part)
+            way = target.points - np.array(camera.GetPosition())
+            depth = way @ ahead
+            beside = np.linalg.norm(way - depth[:, None] * ahead, axis=1)
+            reach = np.maximum(SHARE * self._spacings[part], NEAR_PX * spread * depth)
+            facing = -(target.normals @ ahead) > FACING
+            rows = np.flatnonzero((depth > 0) & (beside < reach) & facing)
+            if len(rows) == 0:
+                continue
+            rows = rows[depth[rows] < depth[rows].min() + SHEET]
+            taxel = int(rows[np.argmin(beside[rows])])
+            deep, aside = float(depth[taxel]), float(beside[taxel])
+            if best is not None:
+                alike = abs(deep - best[0]) < SHEET
+                if (aside >= best[1]) if alike else (deep >= best[0]):
+                    continue
+            best = (deep, aside, part, replace(target, middle=taxel))
+        if best is None or self.scene.framing.hidden(best[3]):
             return None
-        found = ray(self._body, x, y)
-        return pick_on_body(found, (self._target(part) for part in scene.layers), self._hidden)
+        return Pick(best[2], best[3].middle, "body")
 
     def _target(self, part: str) -> Target:
-        skin, pose = self.skins[part].skin, self._pose(part)
-        return Target(
-            part,
-            transform_points(pose, skin.positions),
-            transform_directions(pose, skin.normals),
-            self._spacings[part],
-        )
-
-    def _pose(self, part: str) -> FloatArray:
-        return self.scene.poses[self.skins[part].skin.link]
-
-    def _hidden(self, position: FloatArray, normal: FloatArray) -> bool:
-        target = camera.Target(position[None], normal[None], 0)
-        return self.scene.framing.hidden(target)
+        """The taxels of a part in the world."""
+        skin = self.skins[part].skin
+        pose = self.scene.poses[skin.link]
+        points = transform_points(pose, skin.positions)
+        return Target(points, transform_directions(pose, skin.normals), 0)
 
     def _map_targets(self, part: str) -> MapTargets:
         if part not in self._maps:
             charts = self.skins[part].flat.charts
             taxels = np.concatenate([chart.taxels for chart in charts])
             uv = np.concatenate([chart.uv for chart in charts])
-            self._maps[part] = MapTargets(part, taxels, uv, self._spacings[part])
+            self._maps[part] = MapTargets(taxels, uv, cKDTree(uv))
         return self._maps[part]
 
     # Boxes.
@@ -127,19 +180,16 @@ class Pointing:
     def _show(self, pick: Pick | None) -> bool:
         before = self.pointed
         self.pointed = pick
-        if pick is None:
-            for where in self._boxes:
-                self._boxes[where].hide()
-                self._rings[where].hide()
-            return before is not None
-        lines = self.lines(pick)
-        if before == pick and self._told == lines:
+        lines = None if pick is None else self.lines(pick)
+        if pick is not None and before == pick and self._told == lines:
             return False
-        self._told = lines
         for where in self._boxes:
-            if where != pick.where:
+            if pick is None or where != pick.where:
                 self._boxes[where].hide()
                 self._rings[where].hide()
+        if pick is None or lines is None:
+            return before is not None
+        self._told = lines
         x, y = self._place(pick)
         self._rings[pick.where].ring(x, y, RING * self.scene.font_px)
         self._boxes[pick.where].tell(lines, x, y)
@@ -148,14 +198,14 @@ class Pointing:
     def _place(self, pick: Pick) -> tuple[float, float]:
         """Where a taxel appears in its renderer [px]; that on the map nearest to the mouse."""
         if pick.where == "body":
-            points = self._target(pick.part).positions[pick.taxel][None]
+            points = self._target(pick.part).points[pick.taxel][None]
             places = project(self._body, points)
             return float(places[0, 0]), float(places[0, 1])
         assert self.scene.panel is not None
         renderer = self.scene.panel.renderer
         targets = self._map_targets(pick.part)
         uv = targets.uv[targets.taxels == pick.taxel]
-        places = project(renderer, np.column_stack([uv, np.zeros(len(uv))]))
+        places = project(renderer, raised(uv))
         mouse = np.array(self._mouse or places[0]) - np.array(renderer.GetOrigin())
         nearest = places[np.argmin(np.linalg.norm(places - mouse, axis=1))]
         return float(nearest[0]), float(nearest[1])
@@ -198,25 +248,19 @@ class Pointing:
         self.refresh()
 
     def enclose(self, lasso: Lasso, *, add: bool) -> None:
-        """Choose the taxels of the flat map within a lasso."""
+        """Choose the taxels whose place on the flat map, or one of them, lies within a lasso."""
         panel = self.scene.panel
         if panel is None:
             return
-        taxels = self.enclosed(lasso, panel.part)
+        targets = self._map_targets(panel.part)
+        places = project(panel.renderer, raised(targets.uv)) + np.array(panel.renderer.GetOrigin())
+        taxels = np.unique(targets.taxels[lasso.holds(places)])
         if add:
             taxels = np.union1d(taxels, self.selection.taxels(panel.part))
             self.selection.set(panel.part, taxels)
         else:
             self.selection.replace(panel.part, taxels)
         self.refresh()
-
-    def enclosed(self, lasso: Lasso, part: str) -> IntArray:
-        """(k,) taxels whose place on the map, or one of them, lies within a lasso."""
-        assert self.scene.panel is not None
-        renderer = self.scene.panel.renderer
-        targets = self._map_targets(part)
-        places = project(renderer, np.column_stack([targets.uv, np.zeros(len(targets.uv))]))
-        return np.unique(targets.taxels[lasso.holds(places + np.array(renderer.GetOrigin()))])
 
     def trace(self, lasso: Lasso | None) -> None:
         """Draw the lasso as far as it goes, or take it away."""

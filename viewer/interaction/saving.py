@@ -118,7 +118,7 @@ class Files:
         self.scene, self.pointing, self.say = scene, pointing, say
         self.folder = Path() if folder is None else folder
         self.view_file = self.folder / "skinmap-view.json" if view_file is None else view_file
-        self._movie: MovieWriter | None = None
+        self.recording: MovieWriter | None = None
 
     def save_view(self) -> None:
         """Write what is shown and from where."""
@@ -138,23 +138,18 @@ class Files:
 
     def toggle_movie(self) -> None:
         """Begin a movie of what is shown, or end it."""
-        if self._movie is None:
-            self._movie = MovieWriter(free_name(self.folder, "skinmap", ".mp4"), MOVIE_FPS)
+        if self.recording is None:
+            self.recording = MovieWriter(free_name(self.folder, "skinmap", ".mp4"), MOVIE_FPS)
             self.say("movie begins; o ends it")
         else:
             self.end_movie()
 
     def end_movie(self) -> None:
         """Finish the movie's file, if one is being made."""
-        if self._movie is not None:
-            movie, self._movie = self._movie, None
+        if self.recording is not None:
+            movie, self.recording = self.recording, None
             path = movie.close()
             self.say(f"wrote {path.name}" if path is not None else "no picture: no movie")
-
-    @property
-    def recording(self) -> MovieWriter | None:
-        """The movie that is being made."""
-        return self._movie
 
     def export_gltf(self) -> None:
         """Write the scene as it stands for other 3D programs."""

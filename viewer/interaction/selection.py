@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
 from typing import Literal
 
 import numpy as np
@@ -19,41 +18,29 @@ STRIDE = 2.0  # shorter moves add no corner [px]
 LEAST = 3  # corners that enclose anything
 
 
-class Selection(Mapping[str, IntArray]):
+class Selection(dict[str, IntArray]):
     """Chosen taxels (k,) of each part, dense rows in rising order; parts without any are absent."""
-
-    def __init__(self) -> None:
-        self._chosen: dict[str, IntArray] = {}
-
-    def __getitem__(self, part: str) -> IntArray:
-        return self._chosen[part]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._chosen)
-
-    def __len__(self) -> int:
-        return len(self._chosen)
 
     @property
     def count(self) -> int:
         """Taxels chosen on all parts."""
-        return sum(len(taxels) for taxels in self._chosen.values())
+        return sum(len(taxels) for taxels in self.values())
 
     def taxels(self, part: str) -> IntArray:
         """(k,) chosen taxels of a part."""
-        return self._chosen.get(part, NONE)
+        return self.get(part, NONE)
 
     def set(self, part: str, taxels: ArrayLike) -> None:
         """Choose these taxels of a part and no others of it."""
         rows = np.unique(np.asarray(taxels, np.int64))
         if len(rows):
-            self._chosen[part] = rows
+            self[part] = rows
         else:
-            self._chosen.pop(part, None)
+            self.pop(part, None)
 
     def replace(self, part: str, taxels: ArrayLike) -> None:
         """Choose these taxels of a part and nothing else at all."""
-        self._chosen.clear()
+        self.clear()
         self.set(part, taxels)
 
     def toggle(self, part: str, taxels: ArrayLike) -> None:
@@ -64,10 +51,6 @@ class Selection(Mapping[str, IntArray]):
             self.set(part, np.setdiff1d(old, rows))
         else:
             self.set(part, np.concatenate([old, rows]))
-
-    def clear(self) -> None:
-        """Choose nothing."""
-        self._chosen.clear()
 
 
 def module_taxels(skin: Skin, taxel: int) -> IntArray:

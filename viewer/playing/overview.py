@@ -18,7 +18,7 @@ from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import SourceEnded
-from skinmap.live.touched_taxels import LEARN, touch_stretches
+from skinmap.live.touched_taxels import touch_stretches
 from viewer.playing.player import Player
 from viewer.playing.recent_moments import Span, Timeline
 from viewer.view_options import Session
@@ -51,15 +51,14 @@ def _fill(session: Session, player: Player) -> None:
             source.close()
             return
         with closing(session.touch_loop(source, None)) as loop:
-            with closing(session.open(hurry=True)) as ahead:
-                loop.learn_rest(ahead, LEARN)
+            session.learn_rest(loop)
             _note(source, loop, player)
             if source.overview is None:
                 _find(loop, player)
         if not player.closed:
-            loop = session.touch_loop(session.open(hurry=True), session.classifier())
-            with closing(loop), closing(session.open(hurry=True)) as ahead:
-                loop.learn_rest(ahead, LEARN)
+            source = session.open(hurry=True)
+            with closing(session.touch_loop(source, session.classifier())) as loop:
+                session.learn_rest(loop)
                 _name(loop, player)
     except (SkinError, OSError) as error:  # the player reads the same and reports it
         logger.info("no overview: %s", error)

@@ -14,7 +14,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, Self
 
 from skinmap.errors import InvalidArrayError
 from skinmap.live.moment import Moment
@@ -40,9 +40,10 @@ class Stepwise(Relay, Seekable):
     What a player seeks for, or steps to, is then met to the sample.
     """
 
+    source: Any
+
     def __init__(self, recording: Seekable) -> None:
         super().__init__(recording)
-        self._recording = recording
         self._open: Block | None = None  # what was read ahead, and its next row
         self._row = 0
         self._origin = math.nan  # of its times, where its position is 0 [s]
@@ -50,42 +51,42 @@ class Stepwise(Relay, Seekable):
     @property
     def speed(self) -> float:
         """Factor of the speed."""
-        return self._recording.speed
+        return self.source.speed
 
     @speed.setter
     def speed(self, speed: float) -> None:
         if self._open is not None:
             # What was read ahead is read again, at its time.
-            self._recording.seek(self.position)
+            self.source.seek(self.position)
             self._open = None
-        self._recording.speed = speed
+        self.source.speed = speed
 
     @property
     def loop(self) -> bool:
         """Whether it starts again at its end."""
-        return self._recording.loop
+        return self.source.loop
 
     @loop.setter
     def loop(self, loop: bool) -> None:
-        self._recording.loop = loop
+        self.source.loop = loop
 
     @property
     def duration(self) -> float:
         """[s]."""
-        return self._recording.duration
+        return self.source.duration
 
     @property
     def position(self) -> float:
         """Seconds from its beginning, of the sample that comes next."""
         if self._open is None:
-            return self._recording.position
+            return self.source.position
         return float(self._open.times[self._row]) - self._origin
 
     def read(self, timeout: float) -> Block | None:
         """The next sample while hurried, else all that is due."""
         if self._open is None:
-            before = self._recording.position
-            block = self._recording.read(timeout)
+            before = self.source.position
+            block = self.source.read(timeout)
             if block is not None and math.isnan(self._origin):
                 self._origin = float(block.times[0]) - before
             if block is None or len(block) <= 1 or not math.isinf(self.speed):
@@ -100,7 +101,7 @@ class Stepwise(Relay, Seekable):
     def seek(self, seconds: float) -> None:
         """Go on from there."""
         self._open = None
-        self._recording.seek(seconds)
+        self.source.seek(seconds)
 
 
 def stepwise(source: Source) -> Source:
@@ -128,35 +129,10 @@ def stepwise(source: Source) -> Source:
     return Stepwise(source) if isinstance(source, Seekable) else source
 
 
-@runtime_checkable
-class Stepping(Protocol):
-    """What is needed of a touch loop."""
-
-    @property
-    def source(self) -> Source:
-        """Where its samples come from."""
-
-    def step(self, timeout: float) -> Moment | None:
-        """The next moment; None where nothing comes within `timeout` [s]."""
-
-    def close(self) -> None:
-        """Give threads, sockets and files back."""
-
-
-def feed_of(moments: Any) -> Feed:
-    """What plays a touch loop or an iterable of moments."""
-    if isinstance(moments, Stepping):
-        return LoopFeed(moments)
-    if isinstance(moments, Iterable):
-        return MomentFeed(moments)
-    feed: Feed = moments
-    return feed
-
-
 class LoopFeed:
     """Moments of a touch loop; a recording's pace is its source's."""
 
-    def __init__(self, loop: Stepping) -> None:
+    def __init__(self, loop: Any) -> None:
         self.touches = loop
         source = loop.source
         self._recording = source if isinstance(source, Seekable) else None
@@ -360,12 +336,17 @@ class Player:
 
     def __init__(
         self,
-        moments: Feed | Iterable[Moment],
+        moments: Any,
         *,
         paused: bool = False,
         clock: Callable[[], float] = time.perf_counter,
     ) -> None:
-        self._feed = feed_of(moments)
+        # A touch loop steps by itself, as a feed does; whatever else gives moments is gone through.
+        self._touches: Any = moments if hasattr(moments, "source") else None
+        if self._touches is not None:
+            self._feed: Feed = LoopFeed(moments)
+        else:
+            self._feed = moments if hasattr(moments, "step") else MomentFeed(moments)
         self._outlet = Outlet(clock)
         self._news = self._outlet.news  # guards all below
         self._history = History()
@@ -438,11 +419,6 @@ class Player:
         return self._outlet.oldest
 
     # Where it stands.
-
-    @property
-    def halts(self) -> bool:
-        """Whether what is played waits while it is paused: a recording."""
-        return self._feed.halts
 
     @property
     def seekable(self) -> bool:
@@ -727,15 +703,13 @@ class Player:
     @property
     def zero_age(self) -> float | None:
         """Age of the zero of the forces [s]; None where there are none."""
-        return getattr(getattr(self._feed, "touches", None), "zero_age", None)
+        return getattr(self._touches, "zero_age", None)
 
     def zero(self) -> None:
         """Take the zero of the forces anew, as soon as nothing touches."""
-        zero = getattr(getattr(self._feed, "touches", None), "zero", None)
-        if zero is not None:
-            zero()
+        if hasattr(self._touches, "zero"):
+            self._touches.zero()
 
     def levels(self, part: str, taxel: int) -> dict[str, float]:
         """What is known of a taxel at rest, as `TouchLoop.levels`; nothing without a loop."""
-        levels = getattr(getattr(self._feed, "touches", None), "levels", None)
-        return {} if levels is None else dict(levels(part, taxel))
+        return dict(self._touches.levels(part, taxel)) if hasattr(self._touches, "levels") else {}

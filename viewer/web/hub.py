@@ -195,10 +195,14 @@ class Hub:
                     check_values(moment.pressures[part], len(skin), part)
             self.layers.observe(moment)
         except SkinError as error:
-            for client in self.clients:
-                client.tell({"kind": "problem", "text": str(error)})
+            self._tell({"kind": "problem", "text": str(error)})
         else:
             self._moment = moment
+
+    def _tell(self, message: dict[str, Any]) -> None:
+        """Send a letter to every page."""
+        for client in self.clients:
+            client.tell(message)
 
     async def talk(self, connection: ServerConnection) -> None:
         """Serve one page until it goes."""
@@ -300,8 +304,7 @@ class Hub:
         still: dict[str, Any] = {"position": None, "span": None}
         if {**state, **still} != {**self._state, **still}:
             self._state = state
-            for client in self.clients:
-                client.tell({"kind": "state", **state})
+            self._tell({"kind": "state", **state})
 
     def _tell_spans(self) -> None:
         """Tell all pages of the touches on the time line, where there are others, not too often."""
@@ -311,8 +314,7 @@ class Hub:
             # Many touches are many bytes: they come more rarely.
             self._told_spans = version
             self._next_spans = now + SPANS + len(message["spans"]) / SPANS_A_SECOND
-            for client in self.clients:
-                client.tell(message)
+            self._tell(message)
 
     def _spans(self) -> dict[str, Any]:
         """All touches on the time line, and the parts that have a lane."""

@@ -1,4 +1,7 @@
-"""One moment as bytes: a byte for each taxel, outlines as places on edges, touches as JSON."""
+"""Moments as bytes: a byte for each taxel, outlines as places on edges, touches as JSON.
+
+One at a time for a page that is served, or several that a page without a server plays.
+"""
 
 from __future__ import annotations
 
@@ -11,6 +14,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import SkinError
+from skinmap.geometry.topology import edges
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.recognition.answers import answers_object
@@ -18,9 +22,10 @@ from viewer.colours import touch_colour
 from viewer.drawing.body.bare_body import posed
 from viewer.drawing.panel.touch_list import caption, details
 from viewer.drawing.touches.outlines import Outline, outline_touch
-from viewer.drawing.touches.touch_marks import reach_of
+from viewer.drawing.touches.touch_marks import motion_way
 from viewer.health import STATES
 from viewer.layers import Layer, Layers
+from viewer.playing.recent_moments import Timeline
 from viewer.web.packing import finite, pack
 from viewer.web.scene_data import WebScene, pack_poses
 
@@ -75,12 +80,7 @@ class SampleWriter:
         self._poses: NDArray[np.float32] | None = None
         self.problem = ""  # why the last moment could not be shown in full
 
-    def write(
-        self,
-        moment: Moment | None,
-        layer: Layer,
-        about: Mapping[str, Any],
-    ) -> bytes:
+    def write(self, moment: Moment | None, layer: Layer, about: Mapping[str, Any]) -> bytes:
         """A message of kind "sample".
 
         Parameters
@@ -92,12 +92,18 @@ class SampleWriter:
         about : mapping
             More for the header.
         """
+        header, arrays = self.parts(moment)
+        values = [taxel_bytes(layer, part, moment) for part in self.scene.skins]
+        about = {"kind": "sample", "layer": layer.name, **about}
+        return pack({**about, **header}, {"values": np.concatenate(values), **arrays})
+
+    def parts(self, moment: Moment | None) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Header and arrays of a moment but for the values of its taxels."""
         self.problem = ""
         parts = self.scene.skins
+        header: dict[str, Any] = {}
         arrays: dict[str, NDArray[Any]] = {}
-        arrays["values"] = np.concatenate([taxel_bytes(layer, part, moment) for part in parts])
         touches = [] if moment is None else [t for t in moment.touches if t.part in parts]
-        header: dict[str, Any] = {"kind": "sample", "layer": layer.name, **about}
         if moment is not None:
             header.update(
                 time=finite(moment.time),
@@ -115,7 +121,7 @@ class SampleWriter:
         header["touches"] = [self._touch(touch, touches, moment, arrays) for touch in touches]
         if self.problem:
             header["problem"] = self.problem
-        return pack(header, arrays)
+        return header, arrays
 
     def _signs(self) -> dict[str, list[int]]:
         """Numbers among all taxels of those whose values mean nothing, by the sign that says why.
@@ -152,7 +158,7 @@ class SampleWriter:
         outline = outline_touch(layer, touch, others)
         name = f"outline{len(arrays)}"
         self._add_outline(arrays, name, outline, self.scene.first_vertex[touch.part])
-        normal = touch.normal
+        normal, way = touch.normal, motion_way(touch)
         if normal is None:
             normal = mean_direction(layer.skin.normals[touch.taxels])
         return {
@@ -171,7 +177,7 @@ class SampleWriter:
             "force": finite(touch.force),
             "about": details(touch, math.nan if moment is None else moment.time),
             "path": None if touch.path is None else np.asarray(touch.path[-60:]).round(4).tolist(),
-            "ahead": ahead(touch),
+            "ahead": None if way is None else (way[0] * way[1]).round(5).tolist(),
             "outline": name,
         }
 
@@ -185,16 +191,91 @@ class SampleWriter:
         arrays[f"{name}.share"] = np.rint(SHARES * outline.share).astype(np.uint16)
 
 
-def ahead(touch: NamedTouch) -> list[float] | None:
-    """Where the arrow of a touch that moves ends, from its centre [m]; None of one that stays."""
-    if touch.motion is None or touch.motion.heading == "still":
-        return None
-    step = touch.motion.velocity / touch.motion.speed * reach_of(touch)
-    return np.asarray(step).round(5).tolist()
-
-
 def mean_direction(normals: FloatArray) -> FloatArray:
     """(3,) unit vector along the sum of unit vectors (k, 3); zero where they cancel."""
     total = np.asarray(normals.sum(axis=0))
     length = float(np.linalg.norm(total))
     return total / length if length > 1e-9 else np.zeros(3)
+
+
+def pack_reel(
+    scene: WebScene,
+    layers: Layers,
+    moments: Sequence[Moment],
+    *,
+    now: int = 0,
+    layer: str = "pressure",
+    style: str = "surface",
+    size: tuple[int, int] | None = None,
+) -> bytes:
+    """A message of kind "reel".
+
+    Parameters
+    ----------
+    scene : WebScene
+    layers : Layers
+    moments : sequence of Moment
+        In the order of their times; one or more.
+    now : int
+        Which of them is shown first.
+    layer, style : str
+        What is shown first.
+    size : (int, int), optional
+        Width and height of the robot's picture [px].
+    """
+    arrays: dict[str, NDArray[Any]] = {}
+    shown = [layers.get(name) for name in layers.names]
+    writer = SampleWriter(scene, layers)
+    nothing = {part: np.full(len(skin), np.nan) for part, skin in scene.skins.items()}
+    headers: list[dict[str, Any]] = []
+    for number, moment in enumerate(moments):
+        layers.observe(moment)
+        about, own = writer.parts(moment)
+        header: dict[str, Any] = {"kind": "sample", "layer": shown[0].name, **about}
+        felt = (touch for touch in moment.touches if touch.part in scene.skins)
+        for touch, own_touch in zip(header["touches"], felt, strict=True):
+            touch["outline"] = f"{number}.{touch['outline']}"
+            touch["members"] = np.asarray(own_touch.taxels).tolist()
+        arrays.update({f"{number}.{name}": array for name, array in own.items()})
+        header["poses"] = f"{number}.poses" if "poses" in own else None
+        header["values"], header["felt"] = {}, {}
+        for one in shown:
+            name = f"{number}.{one.name}" if one.live else one.name
+            header["values"][one.name] = name
+            if name not in arrays:  # what is not live is written once
+                codes = [taxel_bytes(one, part, moment) for part in scene.skins]
+                arrays[name] = np.concatenate(codes)
+        for name, sent in (("pressure", moment.pressures), ("raw", moment.raw)):
+            values = np.concatenate([sent.get(part, none) for part, none in nothing.items()])
+            known = bool(np.isfinite(values).any())
+            header["felt"][name] = f"{number}.felt.{name}" if known else None
+            if known:
+                arrays[f"{number}.felt.{name}"] = values.astype(np.float32)
+        headers.append(header)
+    _add_about(arrays, scene)
+    return pack(
+        {
+            "kind": "reel",
+            "layers": [layer_message(one) for one in shown],
+            "moments": headers,
+            "now": now,
+            "layer": layer,
+            "style": style,
+            "size": size,
+            "spans": [span.to_json(moments[0].time) for span in Timeline.of(moments).spans()],
+        },
+        arrays,
+    )
+
+
+def _add_about(arrays: dict[str, NDArray[Any]], scene: WebScene) -> None:
+    """Add what is told of a taxel beside what the scene has: place, normal, neighbours."""
+    skins = scene.skins.values()
+    arrays["positions"] = np.concatenate([skin.skin.positions for skin in skins]).astype(np.float32)
+    arrays["normals"] = np.concatenate([skin.skin.normals for skin in skins]).astype(np.float32)
+    pairs = [edges(skin.mesh.faces) + scene.first_taxel[part] for part, skin in scene.skins.items()]
+    both = np.concatenate([pair[:, order] for pair in pairs for order in ([0, 1], [1, 0])])
+    both = both[np.lexsort(both.T[::-1])]
+    arrays["beside"] = both[:, 1].astype(np.uint32)
+    starts = np.searchsorted(both[:, 0], np.arange(len(arrays["positions"]) + 1))
+    arrays["beside.starts"] = starts.astype(np.uint32)

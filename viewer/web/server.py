@@ -19,6 +19,7 @@ import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from http import HTTPStatus
 from typing import TYPE_CHECKING, Self
 
@@ -118,12 +119,25 @@ def serve(
     waits : bool
         The player is paused until the first page comes.
 
+    Returns
+    -------
+    WebServer
+        Serves until `stop`, or until a `with` block of it ends; `url` is what to open.
+
     Raises
     ------
     UnreachableError
         The port is taken, or the address is not this machine's.
     UnknownNameError, InvalidArrayError
         A layer or link that does not exist; a token that could be guessed.
+
+    Examples
+    --------
+    >>> from viewer import Player, Scene, serve
+    >>> scene = Scene.load("kaspar", ["torso"])
+    >>> with Player([]) as player, serve(scene.robot, scene.data.skins, player, port=0) as page:
+    ...     page.url.startswith("http://127.0.0.1:")
+    True
     """
     layers = Layers(skins) if layers is None else layers
     layers.get(layer)
@@ -382,9 +396,7 @@ def serve_web(
     """
     import click
 
-    def tell(line: str) -> None:
-        click.echo(line, err=True)
-
+    tell = partial(click.echo, err=True)
     with served(session, look, tell, host=host, port=port, token=token) as (server, player):
         tell(server.url)
         with contextlib.suppress(KeyboardInterrupt):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -64,15 +65,7 @@ SUFFIX = ".skinmodel"  # as `skinmap.recognition.model_file` has it; a test comp
     motion="velocities are those of the way of the centre; optical flow was less exact",
 )
 @prints(ClassifyResult, live=(LiveTouch, LiveSummary))
-def command(
-    files: tuple[str, ...],
-    robot: str | None,
-    parts: tuple[str, ...],
-    coverage: float | None,
-    calibrations: tuple[str, ...],
-    as_json: bool,
-    **how: Any,
-) -> None:
+def command(files: tuple[str, ...], coverage: float | None, as_json: bool, **how: Any) -> None:
     """Name touches with a confidence from 0 to 1.
 
     MODEL is what `skinmap train` wrote; without one the model that comes with Skinmap names the
@@ -117,13 +110,12 @@ def command(
     if live or how["publish"] or how["seconds"] is not None:
         from skinmap.cli.classify.live_naming import classify_live
 
-        shared: dict[str, Any] = {"robot": robot, "parts": parts, "as_json": as_json}
-        shared["calibrations"] = calibrations
-        classify_live(classifier, source, **shared, **how)
+        classify_live(classifier, source, as_json=as_json, **how)
         return
     from skinmap.cli.classify.live_naming import name_recorded
 
-    found = name_recorded(classifier, Path(source), robot, parts, calibrations)
+    what = {name: how[name] for name in ("robot", "parts", "calibrations")}
+    found = name_recorded(classifier, Path(source), **what)
     present(found, _lines, as_json=as_json)
 
 
@@ -167,19 +159,18 @@ def _lines(result: ClassifyResult) -> Iterator[str | Table]:
     from skinmap.recognition.classifier import Prediction
     from skinmap.recognition.naming import in_words
 
-    keys = ("part", "event", "touch", "label", "confidence", "recorded_label")
-    rows = [[getattr(row, key) for key in keys] for row in result.touches]
-    for row, touch in zip(rows, result.touches, strict=True):
+    def said(touch: NamedRow) -> str:
         names = None if touch.names is None else tuple(touch.names)
-        row[3] = in_words(Prediction(touch.label, touch.confidence, names))
-    heads = [*keys[:-1], "recorded"]
-    if any(touch.heading != "still" for touch in result.touches):
-        heads.append("heading")
-        rows = [[*row, one.heading] for row, one in zip(rows, result.touches, strict=True)]
-    if any(touch.load is not None for touch in result.touches):
-        heads.append("force (90 %)")
-        rows = [[*row, _force(one)] for row, one in zip(rows, result.touches, strict=True)]
-    yield Table(heads, rows)
+        return in_words(Prediction(touch.label, touch.confidence, names))
+
+    rows = [replace(touch, label=said(touch)) for touch in result.touches]
+    shown = "part event touch label confidence recorded_label=recorded"
+    shown += " heading" if any(row.heading != "still" for row in rows) else ""
+    table = Table.of(NamedRow, rows, shown)
+    if any(row.load is not None for row in rows):
+        cells = [[*own, _force(row)] for own, row in zip(table.rows, rows, strict=True)]
+        table = Table([*table.columns, "force (90 %)"], cells)
+    yield table
     yield from health_lines(result.health)
     right = round((result.accuracy or 0.0) * result.events)
     yield f"{right} of {result.events} as recorded"

@@ -39,8 +39,8 @@ from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import Recording
 
 if TYPE_CHECKING:
-    from skinmap.live.contacts.contact_events import TouchEvent
     from skinmap.live.contacts.contact_forces import ContactForce
+    from skinmap.live.contacts.named_touch import TouchEvent
     from skinmap.live.loop import TouchLoop
     from skinmap.live.moment import Moment
     from skinmap.live.sources.source import Source
@@ -76,6 +76,7 @@ def classify_live(
         A source, calibration or model that does not fit.
     """
     from skinmap.live.loop import TouchLoop
+    from skinmap.live.response.loads import load_calibrations
     from skinmap.live.response.pressures import load_responses
     from skinmap.live.sources.open_source import open_source
     from skinmap.live.sources.source import is_live
@@ -95,7 +96,7 @@ def classify_live(
             source,
             classifier=classifier,
             responses=load_responses(responses, skins),
-            calibrations=_read_calibrations(calibrations, skins),
+            calibrations=load_calibrations(calibrations, skins) if calibrations else {},
             parts=chosen,
             skins=skins,
             reopen=open_it,
@@ -289,6 +290,8 @@ def name_recorded(
     calibrations: Sequence[str] = (),
 ) -> ClassifyResult:
     """Name the touches of each event and compare them with what was recorded."""
+    from skinmap.live.response.loads import load_calibrations
+
     recordings = load_recordings(path)
     loaded, wanted = open_robot(robot, parts)
     chosen = [one for one in recordings if one.part in wanted]
@@ -298,7 +301,7 @@ def name_recorded(
     skins = prepare_skins(loaded, chosen)
     check_model(classifier, skins, chosen)
     _note_lacks(classifier)
-    loads = _read_calibrations(calibrations, skins)
+    loads = load_calibrations(calibrations, skins)
     rows: list[NamedRow] = []
     right = 0
     for one in chosen:
@@ -397,17 +400,6 @@ def three(answers: Answers | None) -> dict[str, Any]:
     return {word: None if answers is None else getattr(answers, word) for word in words}
 
 
-def _read_calibrations(
-    specs: Sequence[str], skins: Mapping[str, PreparedSkin]
-) -> dict[str, LoadCalibration]:
-    """Load calibrations by part; what they need is imported only where there are any."""
-    if not specs:
-        return {}
-    from skinmap.live.response.loads import load_calibrations
-
-    return load_calibrations(specs, skins)
-
-
 def _weighing(
     recording: Recording, skin: PreparedSkin, calibration: LoadCalibration | None
 ) -> Callable[[int, BoolArray], ContactLoad | None]:
@@ -429,11 +421,7 @@ def _weighing(
 
 
 def _motion(
-    skin: PreparedSkin,
-    book: MotionBook,
-    samples: NDArray[np.uint8],
-    taxels: BoolArray,
-    rate: float,
+    skin: PreparedSkin, book: MotionBook, samples: NDArray[np.uint8], taxels: BoolArray, rate: float
 ) -> dict[str, Any]:
     """What a row says of how a touch went on."""
     own = np.where(taxels, samples, 0).astype(np.uint8)
@@ -454,9 +442,7 @@ def _motion(
 
 
 def check_model(
-    classifier: TouchClassifier,
-    skins: Mapping[str, PreparedSkin],
-    recordings: Sequence[Recording],
+    classifier: TouchClassifier, skins: Mapping[str, PreparedSkin], recordings: Sequence[Recording]
 ) -> None:
     """Refuse skins that a model cannot name touches on; say what else does not fit.
 

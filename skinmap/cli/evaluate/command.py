@@ -12,12 +12,13 @@ import click
 from skinmap.cli.evaluate.evaluation import (
     ON_DATA,
     PROTOCOLS,
-    Evaluation,
+    Own,
     Settings,
     find_evaluation,
     own_settings,
 )
 from skinmap.commands.options import (
+    PATH,
     Whole,
     Written,
     file_option,
@@ -41,7 +42,7 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
 
 
 @click.command("evaluate")
-@click.argument("recordings", nargs=-1, metavar="[RECORDING...]", type=click.Path(path_type=Path))
+@click.argument("recordings", nargs=-1, metavar="[RECORDING...]", type=PATH)
 @click.option(
     "--protocol",
     metavar="|".join(PROTOCOLS) + "|RECORDING",
@@ -170,7 +171,7 @@ def command(
     evaluation = find_evaluation(chosen)
     words = [f"{name}={options[name]}" for name in ("sampling", "network") if options[name]]
     del options["sampling"], options["network"]
-    own = own_settings(evaluation.SETTINGS, chosen, (*words, *options.pop("own")))
+    own = own_settings(getattr(evaluation, "SETTINGS", Own), chosen, (*words, *options.pop("own")))
     with spread.open(f"evaluate {chosen}") as workers:
         settings = Settings(
             recordings=files, workers=workers, own=own, pictures=out is not None, **options
@@ -182,7 +183,7 @@ def command(
         evaluation.lines,
         as_json=as_json,
         out=out,
-        write=lambda stage: _write(result, evaluation, stage),
+        write=lambda stage: _write(result, getattr(evaluation, "sweep_figure", None), stage),
         page=lambda stage: lines_page(
             title,
             evaluation.lines(result),
@@ -191,13 +192,13 @@ def command(
     )
 
 
-def _write(result: EvaluateResult, evaluation: Evaluation, stage: Path) -> Iterator[str]:
-    """Write the result as JSON, and the picture that its protocol draws; names of the files."""
+def _write(result: EvaluateResult, draw: Any, stage: Path) -> Iterator[str]:
+    """Write the result as JSON, and the picture that its protocol may draw; names of the files."""
     numbers = {key: value for key, value in plain(result).items() if key != "files"}
     text = json.dumps(numbers, indent=2, allow_nan=False) + "\n"
     (stage / "evaluation.json").write_text(text, encoding="utf-8")
     yield "evaluation.json"
-    if draw := getattr(evaluation, "sweep_figure", None):
+    if draw is not None:
         draw(result, stage / "sweep.png")
         yield "sweep.png"
 

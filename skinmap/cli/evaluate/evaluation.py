@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Protocol, cast
+from typing import TYPE_CHECKING, Annotated, Any
 
 import click
 from msgspec import Meta, Struct, ValidationError, convert
 
-from skinmap.recognition.protocols.results import AccuracyRow, EvaluateResult
-from skinmap.report.table import Cell, Table
+from skinmap.commands.progress import progress
+from skinmap.report.table import Cell
 
 if TYPE_CHECKING:
+    from skinmap.io.recordings.cyskin_arrays import PressedSkin
     from skinmap.parallel.workers import Workers
     from skinmap.recognition.protocols.left_out import Way
+    from skinmap.touch.prepared_skin import PreparedSkin
 
 PROTOCOLS = (
     "kaspar",
@@ -67,6 +70,17 @@ class Settings:
         """The seed of each repetition."""
         return list(range(self.seed, self.seed + self.seeds))
 
+    @property
+    def drawn(self) -> dict[str, Any]:
+        """How touches are drawn, for protocols and for their results."""
+        return {"variety": self.variety, "seeds": self.all_seeds}
+
+    @contextmanager
+    def working(self, steps: int, title: str) -> Iterator[dict[str, Any]]:
+        """Who computes and whom that tells, under a bar of so many steps."""
+        with progress(steps, title) as advance:
+            yield {"workers": self.workers, "progress": advance}
+
 
 class Own(Struct, forbid_unknown_fields=True):
     """Settings of a protocol that no other has; this one has none."""
@@ -84,28 +98,13 @@ class Folds(Gestures):
     folds: Annotated[int, Meta(ge=2, le=20)] = 4
 
 
-class Evaluation(Protocol):
-    """The module of a protocol.
+def find_evaluation(name: str) -> Any:
+    """The module of a protocol, or of `recordings`.
 
-    Attributes
-    ----------
-    SETTINGS
-        What `--set` may set: a field with its default for each.
+    It has `work`, which takes the settings and gives a result; `lines`, which makes tables of that;
+    and `SETTINGS` where there is something to set.
     """
-
-    SETTINGS: type[Own]
-
-    def work(self, settings: Settings) -> EvaluateResult:
-        """Run it."""
-
-    def lines(self, result: Any) -> Iterator[str | Table]:
-        """The tables of its result."""
-
-
-def find_evaluation(name: str) -> Evaluation:
-    """The module of a protocol, or of `recordings`."""
-    module = f"skinmap.cli.evaluate.protocol_{name.replace('-', '_')}"
-    return cast(Evaluation, importlib.import_module(module))
+    return importlib.import_module(f"skinmap.cli.evaluate.protocol_{name.replace('-', '_')}")
 
 
 def own_settings(kind: type[Own], protocol: str, words: Sequence[str]) -> Own:
@@ -139,11 +138,24 @@ def chosen_gestures(settings: Settings) -> tuple[str, ...]:
     return names
 
 
-def percent(value: float | None) -> str:
-    """A share as a cell; empty where it is not known."""
-    return "" if value is None or value != value else f"{100 * value:.1f}"
+def pressed_skin(
+    settings: Settings, archive: str, folder: str
+) -> tuple[PressedSkin, PreparedSkin, dict[str, Any]]:
+    """A recorded real skin, prepared, and what a result says of it.
 
+    Raises
+    ------
+    SkinError
+        A folder without the files, or files that are damaged or of another skin.
+    """
+    from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
+    from skinmap.touch.prepared_skin import PreparedSkin
 
-def by_class(row: AccuracyRow, classes: Sequence[str]) -> list[str]:
-    """Cells of the share named right of each class."""
-    return [percent(row.per_class.get(name)) for name in classes]
+    arrays, patch = find_pressed(settings.recordings[0], archive, folder)
+    data = read_pressed(arrays, patch)
+    skin = PreparedSkin(data.skin)
+    facts = {
+        "robot": data.skin.part, "taxels": len(skin), "archive": str(arrays), "patch": str(patch),
+        "unplaced": data.unplaced, "unrecorded": data.unrecorded,
+    }  # fmt: skip
+    return data, skin, facts

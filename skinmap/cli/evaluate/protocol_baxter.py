@@ -8,17 +8,12 @@ from typing import Annotated, Any, Literal
 import click
 from msgspec import Meta
 
-from skinmap.cli.evaluate.evaluation import (
-    Own,
-    Rows,
-    Settings,
-    percent,
-)
+from skinmap.cli.evaluate.evaluation import Own, Rows, Settings
 from skinmap.commands.options import MAX_TOUCHES, open_robot
-from skinmap.commands.progress import progress
 from skinmap.recognition.protocols.results import BaxterResult
 from skinmap.report.result import given
 from skinmap.report.table import Table
+from skinmap.rows import percent
 
 
 class Baxter(Own):
@@ -53,7 +48,7 @@ def work(settings: Settings) -> BaxterResult:
         if len(parts) > 1:
             raise click.UsageError(f"which part of {name}? --part {' | '.join(parts)}")
         subject, name = PreparedSkin(loaded.skin(parts[0])), loaded.name
-    with progress(2 * len(methods) * settings.seeds, "baxter") as advance:
+    with settings.working(2 * len(methods) * settings.seeds, "baxter") as shared:
         return evaluate_baxter(
             subject,
             robot=name,
@@ -63,8 +58,7 @@ def work(settings: Settings) -> BaxterResult:
             network=settings.own.network,
             methods=methods,
             variety=settings.variety,
-            workers=settings.workers,
-            progress=advance,
+            **shared,
         )
 
 

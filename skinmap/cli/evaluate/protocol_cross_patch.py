@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Any
 
 import click
 
-from skinmap.cli.evaluate.evaluation import Gestures, Rows, Settings, chosen_gestures, percent
+from skinmap.cli.evaluate.evaluation import Gestures, Settings, chosen_gestures
 from skinmap.commands.options import open_robot
-from skinmap.commands.progress import progress
-from skinmap.recognition.protocols.results import CrossPatchResult
+from skinmap.recognition.protocols.results import CrossPatchResult, PatchesRow
 from skinmap.report.table import Table
 
 
@@ -46,25 +44,20 @@ def work(settings: Settings) -> CrossPatchResult:
         )
     steps = len(test) + len(train) + len(names) * (1 if train else len(test))
     found = []
-    with progress(settings.seeds * steps, "cross-patch") as advance:
-        shared: dict[str, Any] = {"workers": settings.workers, "progress": advance}
-        play: dict[str, Any] = {
-            "gestures": gestures,
-            "per_gesture": settings.per_gesture,
-            "variety": settings.variety,
-            **shared,
-        }
+    with settings.working(settings.seeds * steps, "cross-patch") as shared:
+        play = {"per_gesture": settings.per_gesture, "variety": settings.variety, **shared}
         for seed in settings.all_seeds:
-            tested = touch_patches(test, seed=seed, **play)
-            trained = touch_patches(train, seed=[seed, 1], **play) if train else None
+            tested = touch_patches(test, seed=seed, gestures=gestures, **play)
+            trained = None
+            if train:
+                trained = touch_patches(train, seed=[seed, 1], gestures=gestures, **play)
             found.append(score_patches(tested, trained, names=names, seed=seed, **shared))
     return CrossPatchResult(
         robot=settings.robot or "icub",
         train_robot=other,
         gestures=list(gestures),
         per_gesture=settings.per_gesture,
-        variety=settings.variety,
-        seeds=settings.all_seeds,
+        **settings.drawn,
         patches={patch.name: len(patch.skin) for patch in test},
         rows=[summarise(name, [one[k] for one in found]) for k, name in enumerate(names)],
     )
@@ -77,12 +70,5 @@ def lines(result: CrossPatchResult) -> Iterator[str | Table]:
         f"{result.robot}, {len(result.patches)} patches, {where}, {len(result.seeds)} seeds "
         "(simulated); accuracy in % of touches"
     )
-    classes = list(result.gestures)
-    rows: Rows = [
-        [
-            row.features, row.classifier, percent(row.mean), percent(row.worst),
-            row.worst_patch, *(percent(row.per_class.get(name)) for name in classes),
-        ]
-        for row in result.rows
-    ]  # fmt: skip
-    yield Table(["features", "classifier", "mean", "worst", "worst patch", *classes], rows)
+    shown = "features classifier mean:% worst:% worst_patch per_class"
+    yield Table.of(PatchesRow, result.rows, shown, classes=result.gestures)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, percent
+from skinmap.cli.evaluate.evaluation import Settings, pressed_skin
 from skinmap.commands.progress import progress
 from skinmap.recognition.protocols.results import CountRow, FingersResult
 from skinmap.report.table import Table
+from skinmap.rows import percent
 
 if TYPE_CHECKING:
     from skinmap.io.recordings.cyskin_arrays import PressedSkin
@@ -31,14 +31,10 @@ def work(settings: Settings) -> FingersResult:
         A folder without the files, files that are damaged or of another skin, or recordings that
         cannot be judged.
     """
-    from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
     from skinmap.recognition.protocols import fingers as protocol
-    from skinmap.touch.prepared_skin import PreparedSkin
 
-    arrays, patch = find_pressed(settings.recordings[0], ARCHIVE, FOLDER)
-    data = read_pressed(arrays, patch)
-    classes = protocol.check_fingers(finger_counts(data, arrays))
-    skin = PreparedSkin(data.skin)
+    data, skin, facts = pressed_skin(settings, ARCHIVE, FOLDER)
+    classes = protocol.check_fingers(finger_counts(data, facts["archive"]))
     pairs: dict[str, list[CountRow]] = {"live": [], "width": [], "chosen": [], "trained": []}
     regions, lengths, numbers = None, [], []
     with progress(2 * (2 + settings.seeds * protocol.REGIONS), "fingers") as advance:
@@ -59,12 +55,7 @@ def work(settings: Settings) -> FingersResult:
             for key, one in zip(pairs, (contacts, width, number, trees), strict=True):
                 pairs[key].append(one)
     return FingersResult(
-        robot=data.skin.part,
-        taxels=len(skin),
-        archive=str(arrays),
-        patch=str(patch),
-        unplaced=data.unplaced,
-        unrecorded=data.unrecorded,
+        **facts,
         recordings={str(k): int((classes == k).sum()) for k in np.unique(classes).tolist()},
         majority=float(np.unique(classes, return_counts=True)[1].max() / len(classes)),
         seeds=settings.all_seeds,
@@ -79,7 +70,7 @@ def work(settings: Settings) -> FingersResult:
     )
 
 
-def finger_counts(data: PressedSkin, path: Path) -> IntArray:
+def finger_counts(data: PressedSkin, path: str) -> IntArray:
     """(f,) fingers of each recording.
 
     Raises
@@ -130,19 +121,13 @@ def lines(result: FingersResult) -> Iterator[str | Table]:
             f"{result.unplaced} channels have no place, {result.unrecorded} taxels no channel: "
             "left out"
         )
-    rows: Rows = [
-        [
-            row.method, percent(row.exact), percent(row.within_one), percent(row.spread),
-            percent(row.control), percent(row.control_within_one),
-        ]
-        for row in (result.live, result.width, result.chosen, result.trained)
-    ]  # fmt: skip
-    head = ["fingers counted by", "exact", "within one", "std", "control", "within one"]
-    yield Table(head, rows)
+    yield Table.of(
+        CountRow,
+        [result.live, result.width, result.chosen, result.trained],
+        "method=fingers_counted_by exact:% within_one:% spread:%=std control:% "
+        "control_within_one:%=within_one",
+    )
     yield (
         f"control: the same on the first {result.first_samples} samples of each recording; width: "
         f"one finger up to {result.narrow_mm:.1f} mm, one more for each {result.finger_mm:.1f} mm"
     )
-
-
-SETTINGS = Own

@@ -2,43 +2,32 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, percent
+from skinmap.cli.evaluate.evaluation import Settings
 from skinmap.commands.options import open_robot
-from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.protocols.results import ForceResult, ForceRow
-from skinmap.report.table import Cell, Table
+from skinmap.report.table import Table
 
 if TYPE_CHECKING:
     from skinmap.live.contacts.contact_forces import PartForces
+    from skinmap.physics.pressing import Pressed
     from skinmap.physics.simulation import Ground
     from skinmap.touch.prepared_skin import PreparedSkin
     from skinmap.touch.simulation.sensing import Sensors
 
-SETTINGS = Own
 BODIES = ("poke", "full_finger", "three_finger", "whole_hand", "ball")
 TUNED_ON = ("torso", "left_forearm")  # parts whose touches set how wide the intervals are
 PEOPLE = 5
 NORMAL_90 = 1.645  # standard deviations on either side that hold 90 %
 STEPS, EACH, TOP = 9, 20, 1.2  # of the chamber: pressures, samples each, highest, 1 = firm finger
 SATURATED = 250.0  # counts
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Part:
-    """Touches on one part, each body so often: what a worker needs."""
-
-    skin: PreparedSkin
-    variant: str
-    count: int
-    seed: tuple[int, ...]
 
 
 class Judged(NamedTuple):
@@ -63,9 +52,9 @@ def work(settings: Settings) -> ForceResult:
     SkinError
         MuJoCo is not installed, a part that does not exist, or parts that no body fits.
     """
-    from skinmap.parallel.run import run_tasks
     from skinmap.physics.engine import import_mujoco
     from skinmap.physics.variants import FROZEN
+    from skinmap.recognition.protocols.folds import run_repeats
     from skinmap.skin.checks import twin_parts
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -77,12 +66,12 @@ def work(settings: Settings) -> ForceResult:
         parts = tuple(p for p in parts if twins[p] == p and p not in tuned)
     skins = [PreparedSkin(loaded.skin(part)) for part in parts]
     tasks = [
-        Part(skin, FROZEN, settings.per_gesture, (seed, row))
+        {"prepared": skin, "seed": (seed, number)}
         for seed in settings.all_seeds
-        for row, skin in enumerate(skins)
+        for number, skin in enumerate(skins)
     ]
-    with progress(len(tasks), "force") as advance:
-        found = run_tasks(press_part, tasks, workers=settings.workers, progress=advance)
+    with settings.working(len(tasks), "force") as shared:
+        found = run_repeats(press_part, tasks, count=settings.per_gesture, **shared)
     judged = [one for rows in found for one in rows]
     if not any(np.isfinite(one.force) for one in judged):
         raise InvalidArrayError(f"no touch could be judged on {', '.join(parts)}")
@@ -99,8 +88,8 @@ def work(settings: Settings) -> ForceResult:
     )
 
 
-def press_part(task: Part) -> list[Judged]:
-    """Touch a part with each body, its taxels calibrated in a chamber before."""
+def press_part(prepared: PreparedSkin, seed: tuple[int, ...], *, count: int) -> list[Judged]:
+    """Touch a part with each body so often, its taxels calibrated in a chamber before."""
     from skinmap.live.contacts.contact_forces import PartForces
     from skinmap.parallel.run import task_rng
     from skinmap.physics.simulation import (
@@ -110,19 +99,19 @@ def press_part(task: Part) -> list[Judged]:
         press_place,
         taxel_loads,
     )
-    from skinmap.physics.variants import find_variant
+    from skinmap.physics.variants import FROZEN, find_variant
     from skinmap.touch.simulation.sensing import Sensing, Sensors
 
-    rng = task_rng(task.seed)
-    skin, variant = task.skin.skin, find_variant(task.variant)
+    rng = task_rng(seed)
+    skin, variant = prepared.skin, find_variant(FROZEN)
     ground = make_ground(skin, variant, rng=rng)
     sensors = Sensors(skin, Sensing(), rng=rng)
     slope, spread = in_chamber(ground, sensors, rng)
-    forces = PartForces(task.skin, ~sensors.dead)
+    forces = PartForces(prepared, ~sensors.dead)
     people = draw_people(PEOPLE, variant, rng=rng)
     rest, found = np.zeros((EACH, len(skin))), []
     for body in BODIES:
-        for number in range(task.count):
+        for number in range(count):
             person = people[number % PEOPLE]
             place = find_place(ground, body, person, rng=rng)
             if place is None:
@@ -130,10 +119,7 @@ def press_part(task: Part) -> list[Judged]:
             pressed = press_place(ground, place, person, rate=sensors.sensing.rate, rng=rng)
             zero = sensors.read(rest, rng=rng).mean(axis=0)
             counts = sensors.read(taxel_loads(ground, pressed), rng=rng).astype(np.float64)
-            found.append(
-                _judge(skin.part, body, pressed.forces, pressed.vectors, counts, zero,
-                       slope, spread, forces)
-            )  # fmt: skip
+            found.append(_judge(skin.part, body, pressed, counts, zero, slope, spread, forces))
     return found
 
 
@@ -158,8 +144,7 @@ def in_chamber(
 def _judge(
     part: str,
     body: str,
-    truth: FloatArray,
-    vectors: FloatArray,
+    pressed: Pressed,
     counts: FloatArray,
     zero: FloatArray,
     slope: FloatArray,
@@ -177,16 +162,16 @@ def _judge(
     answer = forces.contact(
         np.flatnonzero(above > ACTIVE), pressure, pressure - half, pressure + half, shared=0.5
     )
-    whole = bool(inside[int(truth.argmax())])
-    push = vectors[moment]
-    if answer.refused or truth[moment] <= 0.0:
+    whole = bool(inside[int(pressed.forces.argmax())])
+    truth, push = float(pressed.forces[moment]), pressed.vectors[moment]
+    if answer.refused or truth <= 0.0:
         nan = float("nan")
-        return Judged(part, body, float(truth[moment]), nan, nan, nan, nan, nan, whole)
+        return Judged(part, body, truth, nan, nan, nan, nan, nan, whole)
     cosine = -answer.normal @ push / max(float(np.linalg.norm(push)), 1e-12)
     away = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
     force, low, high = answer.force
     plain = float(np.where(above > ACTIVE, pressure, 0.0) @ forces.areas)
-    return Judged(part, body, float(truth[moment]), force, low, high, plain, away, whole)
+    return Judged(part, body, truth, force, low, high, plain, away, whole)
 
 
 def row(name: str, judged: Sequence[Judged]) -> ForceRow:
@@ -195,19 +180,22 @@ def row(name: str, judged: Sequence[Judged]) -> ForceRow:
     values = values[np.isfinite(values[:, 1])]
     truth, force, low, high, plain, away = values.T
     error = np.abs(force / truth - 1.0)
-    known = len(values) > 0
+
+    def share(own: FloatArray | BoolArray, middle: Callable[..., Any] = np.median) -> float | None:
+        return float(middle(own)) if len(values) else None
+
     return ForceRow(
         name=name,
         touches=len(judged),
         judged=len(values),
         beyond=float(np.mean([not one.whole for one in judged])),
-        force_n_median=float(np.median(truth)) if known else None,
-        bias=float(np.median(force / truth) - 1.0) if known else None,
-        error_median=float(np.median(error)) if known else None,
-        error_p95=float(np.quantile(error, 0.95)) if known else None,
-        plain_error_median=float(np.median(np.abs(plain / truth - 1.0))) if known else None,
-        direction_deg_median=float(np.median(away)) if known else None,
-        holds=float(np.mean((low <= truth) & (truth <= high))) if known else None,
+        force_n_median=share(truth),
+        bias=share(force / truth - 1.0),
+        error_median=share(error),
+        error_p95=share(error, partial(np.quantile, q=0.95)),
+        plain_error_median=share(np.abs(plain / truth - 1.0)),
+        direction_deg_median=share(away),
+        holds=share((low <= truth) & (truth <= high), np.mean),
     )
 
 
@@ -217,22 +205,12 @@ def lines(result: ForceResult) -> Iterator[str | Table]:
         f"{result.robot}, {', '.join(result.parts)}: total normal force of touches pressed by "
         f"MuJoCo (physics {result.physics!r}), taxels calibrated by even pressures; in %"
     )
-    head = ["", "touches", "judged", "beyond range", "median [N]", "bias", "error, median",
-            "95 %", "plain areas", "direction [deg]", "inside the interval"]  # fmt: skip
-    yield Table(head, _cells([*result.by_body, *result.by_part, result.all]))
+    yield Table.of(
+        ForceRow,
+        [*result.by_body, *result.by_part, result.all],
+        "name= touches judged beyond:%=beyond_range force_n_median:.1f=median_[N] bias:% "
+        "error_median:%=error,_median error_p95:%=95_% plain_error_median:%=plain_areas "
+        "direction_deg_median:.1f=direction_[deg] holds:%=inside_the_interval",
+    )
     yield "each touch is judged at its heaviest moment within the calibrated range"
     yield "plain areas: the control, median error of pressures times the areas of active taxels"
-
-
-def _cells(rows: Sequence[ForceRow]) -> Rows:
-    def plain(value: float | None) -> Cell:
-        return "" if value is None else f"{value:.1f}"
-
-    return [
-        [
-            one.name, one.touches, one.judged, percent(one.beyond), plain(one.force_n_median),
-            percent(one.bias), percent(one.error_median), percent(one.error_p95),
-            percent(one.plain_error_median), plain(one.direction_deg_median), percent(one.holds),
-        ]
-        for one in rows
-    ]  # fmt: skip

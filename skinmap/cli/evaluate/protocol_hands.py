@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.cli.evaluate.evaluation import Own, Rows, Settings
+from skinmap.cli.evaluate.evaluation import Rows, Settings, pressed_skin
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.protocols.results import HandsResult
@@ -31,12 +31,7 @@ def work(settings: Settings) -> HandsResult:
     SkinError
         A folder without the files, files that are damaged or of another skin, or no grasp.
     """
-    from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
-    from skinmap.touch.prepared_skin import PreparedSkin
-
-    arrays, patch = find_pressed(settings.recordings[0], ARCHIVE, FOLDER)
-    data = read_pressed(arrays, patch)
-    skin = PreparedSkin(data.skin)
+    data, skin, facts = pressed_skin(settings, ARCHIVE, FOLDER)
     with progress(2, "hands") as advance:
         active, contacts, single, pieces = follow(skin, data).T
         advance("contacts")
@@ -50,12 +45,7 @@ def work(settings: Settings) -> HandsResult:
     low, high = np.percentile(contacts[grasp], [25, 75]).tolist()
     quiet = active <= QUIET
     return HandsResult(
-        robot=data.skin.part,
-        taxels=len(skin),
-        archive=str(arrays),
-        patch=str(patch),
-        unplaced=data.unplaced,
-        unrecorded=data.unrecorded,
+        **facts,
         flips=flat.flips,
         edge_error_percent=100.0 * max(c.distortion.edge_rms for c in flat.charts),
         samples=len(active),
@@ -112,6 +102,3 @@ def lines(result: HandsResult) -> Iterator[str | Table]:
         ["its edge error [%]", f"{result.edge_error_percent:.2f}"],
     ]
     yield Table(["of a grasping hand", ""], rows)
-
-
-SETTINGS = Own

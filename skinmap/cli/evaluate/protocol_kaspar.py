@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import click
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, by_class, percent
+from skinmap.cli.evaluate.evaluation import Own, Rows, Settings
 from skinmap.commands.options import open_robot
-from skinmap.commands.progress import progress
-from skinmap.recognition.protocols.results import KasparResult, SweepRow
+from skinmap.recognition.protocols.results import CarrySummary, KasparResult, SweepRow
 from skinmap.report.page import plain_figure, save_figure
 from skinmap.report.result import given
 from skinmap.report.table import Table
+from skinmap.rows import by_class, percent
 from skinmap.touch.simulation.subjects import Places
 
 
@@ -47,24 +47,12 @@ def work(settings: Settings) -> KasparResult:
     for one in (part, *parts):
         sizes.setdefault(len(loaded.skin(one)), one)
     skins = {one: PreparedSkin(loaded.skin(one)) for one in sizes.values()}
-    seeds = settings.all_seeds
     sweeps = settings.own.sweep or settings.pictures
-    with progress((3 if sweeps else 2) * len(seeds), "kaspar") as advance:
-        shared: dict[str, Any] = {
-            "seeds": seeds,
-            "variety": settings.variety,
-            "workers": settings.workers,
-            "progress": advance,
-        }
-        shared["samples"] = kaspar.SAMPLES
-        most = max(kaspar.PERCENTS)
-        table = kaspar.evaluate_kaspar(
-            skins[part],
-            percents=kaspar.PERCENTS,
-            places=settings.own.places,
-            sampling=settings.own.sampling,
-            **shared,
-        )
+    most = max(kaspar.PERCENTS)
+    chosen = {"places": settings.own.places, "sampling": settings.own.sampling}
+    with settings.working((3 if sweeps else 2) * settings.seeds, "kaspar") as who:
+        shared = {**settings.drawn, **who, "samples": kaspar.SAMPLES}
+        table = kaspar.evaluate_kaspar(skins[part], percents=kaspar.PERCENTS, **chosen, **shared)
         carry_over = evaluate_carry_over(skins, percent=most, **shared)
         swept = []
         if sweeps:
@@ -73,10 +61,8 @@ def work(settings: Settings) -> KasparResult:
         robot=loaded.name,
         part=part,
         taxels=len(skins[part]),
-        places=settings.own.places,
-        sampling=settings.own.sampling,
-        variety=settings.variety,
-        seeds=seeds,
+        **chosen,
+        **settings.drawn,
         samples=kaspar.SAMPLES,
         table=table,
         margins=kaspar.margins(table),
@@ -112,17 +98,8 @@ def lines(result: KasparResult) -> Iterator[str | Table]:
     ]  # fmt: skip
     yield Table(["percent", "folds", "features", "margin", "the paper's"], rows)
     yield "\ncarry-over between patches with other numbers of taxels, 10 %, by event"
-    rows = [
-        [
-            row.features,
-            percent(row.same),
-            percent(row.other),
-            percent(row.worst),
-            " > ".join(row.worst_pair),
-        ]
-        for row in result.carry_over.summary
-    ]
-    yield Table(["features", "same patch", "other patches", "worst", "worst pair"], rows)
+    shown = "features same:%=same_patch other:%=other_patches worst:% worst_pair"
+    yield Table.of(CarrySummary, result.carry_over.summary, shown)
     if result.sweep:
         yield "\nradius and codewords a structure, 10 %, by event"
         words, radii, cells = swept(result)
@@ -155,9 +132,7 @@ def sweep_figure(result: KasparResult, path: Path) -> None:
     save_figure(figure, path)
 
 
-def swept(
-    result: KasparResult,
-) -> tuple[list[int], list[float], dict[tuple[float, int], SweepRow]]:
+def swept(result: KasparResult) -> tuple[list[int], list[float], dict[tuple[float, int], SweepRow]]:
     """Numbers of codewords, radii, and the row of each pair."""
     words = list(dict.fromkeys(row.words for row in result.sweep))
     radii = list(dict.fromkeys(row.radius_mm for row in result.sweep))

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, percent
+from skinmap.cli.evaluate.evaluation import Own, Rows, Settings
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.protocols.results import LoadRow, LoadsResult
 from skinmap.report.table import Table
+from skinmap.rows import percent
 from skinmap.touch.load_calibration import LoadCalibration, Zero
 
 if TYPE_CHECKING:

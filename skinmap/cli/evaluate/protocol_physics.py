@@ -6,16 +6,9 @@ from collections.abc import Iterator
 
 import click
 
-from skinmap.cli.evaluate.evaluation import (
-    Gestures,
-    Rows,
-    Settings,
-    chosen_gestures,
-    percent,
-)
+from skinmap.cli.evaluate.evaluation import Gestures, Settings, chosen_gestures
 from skinmap.commands.options import open_robot
-from skinmap.commands.progress import progress
-from skinmap.recognition.protocols.results import PhysicsResult
+from skinmap.recognition.protocols.results import PhysicsResult, PhysicsRow
 from skinmap.report.table import Table
 
 SETTINGS = Gestures
@@ -37,32 +30,24 @@ def work(settings: Settings) -> PhysicsResult:
     loaded, parts = open_robot(settings.robot or "icub", settings.parts)
     skins = {part: PreparedSkin(loaded.skin(part)) for part in parts}
     tested = set(physics.mirror_pairs(skins).values())
-    gestures = chosen_gestures(settings)
+    how = {"per_gesture": settings.per_gesture, **settings.drawn}
+    gestures = list(chosen_gestures(settings))
     # Touches of each physics; for each part a training of each physics, and one without each.
     worlds = 1 + len(VARIANTS)
     touches = len(VARIANTS) * len(tested) + len(skins)
     trainings = len(tested) * (1 + len(TUNING) + worlds)
-    with progress(settings.seeds * (touches + trainings), "physics") as advance:
+    with settings.working(settings.seeds * (touches + trainings), "physics") as shared:
         rows = physics.evaluate_physics(
-            skins,
-            gestures=gestures,
-            per_gesture=settings.per_gesture,
-            variety=settings.variety,
-            seeds=settings.all_seeds,
-            classifier=classifier,
-            workers=settings.workers,
-            progress=advance,
+            skins, gestures=gestures, classifier=classifier, **how, **shared
         )
     return PhysicsResult(
         robot=loaded.name,
         parts=list(skins),
         classifier=classifier,
-        gestures=list(gestures),
-        per_gesture=settings.per_gesture,
-        variety=settings.variety,
+        gestures=gestures,
         frozen=FROZEN,
-        seeds=settings.all_seeds,
         rows=rows,
+        **how,
     )
 
 
@@ -73,14 +58,5 @@ def lines(result: PhysicsResult) -> Iterator[str | Table]:
         f"(simulated by us and by MuJoCo; nothing is trained on {result.frozen!r}); "
         "accuracy in % of touches"
     )
-    rows: Rows = [
-        [
-            row.trained_on, row.tested_on, percent(row.mean), f"{row.ece:.3f}",
-            percent(row.held), row.set_size,
-            *(percent(row.per_class.get(name)) for name in result.gestures),
-        ]
-        for row in result.rows
-    ]  # fmt: skip
-    yield Table(
-        ["trained on", "tested on", "mean", "ece", "held", "set size", *result.gestures], rows
-    )
+    shown = "trained_on tested_on mean:% ece:.3f held:% set_size per_class"
+    yield Table.of(PhysicsRow, result.rows, shown, classes=result.gestures)

@@ -11,11 +11,12 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, percent
+from skinmap.cli.evaluate.evaluation import Own, Rows, Settings
 from skinmap.commands.progress import progress
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, SkinError
 from skinmap.recognition.protocols.results import PrintsResult
 from skinmap.report.table import Table
+from skinmap.rows import percent
 
 if TYPE_CHECKING:
     from skinmap.recognition.protocols.prints import Answers, Prints

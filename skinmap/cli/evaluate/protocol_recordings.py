@@ -7,19 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import (
-    Folds,
-    Rows,
-    Settings,
-    by_class,
-    chosen_gestures,
-    percent,
-)
-from skinmap.commands.progress import progress
+from skinmap.cli.evaluate.evaluation import Folds, Rows, Settings, chosen_gestures
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.recognition.protocols.results import LeftOutRow, RecordingsResult
 from skinmap.report.result import given
 from skinmap.report.table import Table
+from skinmap.rows import by_class, percent
 
 if TYPE_CHECKING:
     from skinmap.cli.collection import Collected, Collection
@@ -35,15 +28,14 @@ def work(settings: Settings) -> RecordingsResult:
     only = () if settings.own.gestures in ("four", "all") else _labels(settings)
     chosen = judged_touches(collection, only)
     names = settings.names or ((DEFAULT,) if settings.leave_out else classifiers.names())
-    with progress(len(names) * len(KINDS) * settings.seeds, "recordings") as advance:
+    with settings.working(len(names) * len(KINDS) * settings.seeds, "recordings") as shared:
         table, leak, skipped = evaluate_recordings(
             [one.touch for one in chosen],
             names=names,
             seeds=settings.all_seeds,
             folds=settings.own.folds,
             optional=not settings.names,
-            workers=settings.workers,
-            progress=advance,
+            **shared,
         )
     labels = [one.touch.label for one in chosen]
     people = {name: count for name, count in collection.count("person").items() if name}
@@ -104,14 +96,8 @@ def judge_groups(
     settings: Settings, chosen: Sequence[Collected], names: Sequence[str]
 ) -> list[LeftOutRow]:
     """A row for touches dealt out and for each kind of group left out, of each classifier."""
-    from skinmap.parallel.run import run_tasks
-    from skinmap.recognition.protocols.left_out import (
-        NAIVE,
-        Judged,
-        LeftOutTrial,
-        places_of,
-        run_left_out,
-    )
+    from skinmap.recognition.protocols.folds import run_repeats
+    from skinmap.recognition.protocols.left_out import NAIVE, Judged, places_of, run_left_out
 
     touches = tuple(one.touch for one in chosen)
     groups = {
@@ -125,11 +111,12 @@ def judge_groups(
         touches, groups, tuple(one.before for one in chosen), tuple(one.first for one in chosen)
     )
     trials = [
-        LeftOutTrial(name, judged, way, settings.own.folds, settings.seed)
+        {"classifier": name, "way": way}
         for name in names
         for way in dict.fromkeys((NAIVE, *settings.leave_out))
     ]
-    return run_tasks(run_left_out, trials, workers=settings.workers)
+    shared = {"judged": judged, "folds": settings.own.folds, "seed": settings.seed}
+    return run_repeats(run_left_out, trials, workers=settings.workers, **shared)
 
 
 def lines(result: RecordingsResult) -> Iterator[str | Table]:
@@ -157,19 +144,12 @@ def lines(result: RecordingsResult) -> Iterator[str | Table]:
 
 
 def _left_out(result: RecordingsResult) -> Iterator[str | Table]:
-    classes = list(result.touches)
-    rows: Rows = [
-        [
-            row.classifier, row.left_out, *(percent(row.per_class.get(name)) for name in classes),
-            percent(row.mean), percent(row.right), percent(row.control), percent(row.first),
-            percent(row.raw),
-            percent(row.chance), row.meaning or "",
-        ]
-        for row in result.left_out
-        if row.mean is not None
-    ]  # fmt: skip
-    head = ["classifier", "left out", *classes, "mean", "all", "before", "first", "raw", "chance"]
-    yield Table([*head, "sound"], rows)
+    shown = (
+        "classifier left_out per_class mean:% right:%=all control:%=before first:% raw:% chance:% "
+        "meaning:s=sound"
+    )
+    judged = [row for row in result.left_out if row.mean is not None]
+    yield Table.of(LeftOutRow, judged, shown, classes=list(result.touches))
     yield "mean: of the labels; all: of all touches. Controls, near chance where nothing leaks:"
     yield "before, first: named before the touches, from the first samples; raw: bare values before"
     for row in result.left_out:

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import Gestures, Rows, Settings, chosen_gestures, percent
+from skinmap.cli.evaluate.evaluation import Gestures, Rows, Settings, chosen_gestures
 from skinmap.commands.options import open_robot
-from skinmap.commands.progress import progress
-from skinmap.recognition.protocols.results import StrokesRow, TimeResult
+from skinmap.recognition.protocols.results import SeenRow, StrokesRow, TimeResult
 from skinmap.report.table import Table
+from skinmap.rows import percent
 
 if TYPE_CHECKING:
     from skinmap.live.contacts.stroke_errors import StrokeError
@@ -31,8 +31,8 @@ def work(settings: Settings) -> TimeResult:
     """
     from skinmap.live.contacts.stroke_errors import stroke_errors
     from skinmap.physics.variants import DEFAULT, FROZEN
+    from skinmap.recognition.protocols.cross_patch import OURS
     from skinmap.recognition.protocols.in_time import evaluate_in_time, play
-    from skinmap.recognition.protocols.physics import OURS
     from skinmap.skin.checks import twin_parts
     from skinmap.touch.prepared_skin import PreparedSkin
     from skinmap.touch.simulation.gestures import TIME
@@ -51,8 +51,7 @@ def work(settings: Settings) -> TimeResult:
         skipped["mujoco"] = "not installed: pip install 'skinmap[mujoco]'"
     errors: dict[str, list[StrokeError]] = {one: [] for one in physics}
     steps = settings.seeds * (TRAININGS + len(physics) * len(skins))
-    with progress(steps, "time") as advance:
-        shared: dict[str, Any] = {"workers": settings.workers, "progress": advance}
+    with settings.working(steps, "time") as shared:
         how = {**shared, "variety": settings.variety}
         played = {
             seed: play(skins, physics, gestures, settings.per_gesture, seed, **how)
@@ -67,8 +66,7 @@ def work(settings: Settings) -> TimeResult:
         parts=list(skins),
         gestures=list(gestures),
         per_gesture=settings.per_gesture,
-        variety=settings.variety,
-        seeds=settings.all_seeds,
+        **settings.drawn,
         rows=found.rows,
         strokes=[strokes_row(name, own) for name, own in errors.items()],
         presses_right=dict(found.counted),
@@ -104,31 +102,23 @@ def lines(result: TimeResult) -> Iterator[str | Table]:
         f"{result.robot}, {len(result.parts)} parts in two hands, each touched by people of its "
         f"own, {len(result.seeds)} seeds (simulated); accuracy in % of touches"
     )
-    rows: Rows = [
-        [
-            row.features, row.tested_on, f"{100 * row.seen:.0f} %", percent(row.mean),
-            *(percent(row.per_class.get(name)) for name in result.gestures),
-        ]
-        for row in result.rows
-    ]  # fmt: skip
-    yield Table(["features", "tested on", "seen", "mean", *result.gestures], rows)
+    shown = "features tested_on seen:.0% mean:% per_class"
+    yield Table.of(SeenRow, result.rows, shown, classes=result.gestures)
     yield (
         f"\nmotion adds {result.gained_points:.1f} points; half of a touch gives "
         f"{100 * result.half_seen:.0f} % of the accuracy of all of it; still gestures: "
         f"{percent(result.still_alone)} alone, {percent(result.still_together)} beside these"
     )
     yield "\nstrokes of 5 cm or more, medians of the errors"
-    rows = [
-        [
-            row.physics, row.strokes, percent(row.speed), percent(row.speed_bias),
-            "" if row.direction_deg is None else f"{row.direction_deg:.1f}",
-            percent(row.length), percent(row.within),
-            percent(result.presses_right.get(row.physics)),
-        ]
-        for row in result.strokes
-    ]  # fmt: skip
-    heads = ["speed %", "bias %", "direction deg", "way %", "within 2 errors %", "taps counted %"]
-    yield Table(["physics", "strokes", *heads], rows)
+    table = Table.of(
+        StrokesRow,
+        result.strokes,
+        "physics strokes speed:%=speed_% speed_bias:%=bias_% direction_deg:.1f=direction_deg "
+        "length:%=way_% within:%=within_2_errors_%",
+    )
+    taps = [percent(result.presses_right.get(row.physics)) for row in result.strokes]
+    rows: Rows = [[*cells, one] for cells, one in zip(table.rows, taps, strict=True)]
+    yield Table([*table.columns, "taps counted %"], rows)
     for name, why in result.skipped.items():
         yield f"{name} was left out: {why}"
 

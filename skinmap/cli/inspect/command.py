@@ -4,20 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import click
 
-from skinmap.cli.inspect.inspect_result import InspectResult
-from skinmap.commands.options import (
-    open_robot,
-    outside_option,
-    part_option,
-    prints,
-)
+from skinmap.cli.inspect.inspect_result import InspectResult, PartRow
+from skinmap.commands.options import open_robot, outside_option, part_option, prints
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 from skinmap.report.result import given
-from skinmap.report.table import Cell, Table
+from skinmap.report.table import Table
 
 TABLES = (".txt", ".csv", ".json")
 
@@ -44,13 +40,7 @@ TABLES = (".txt", ".csv", ".json")
     html="write skinmap view ROBOT --html FILE for a page with the body",
 )
 @prints(InspectResult)
-def command(
-    robots: tuple[str, ...],
-    parts: tuple[str, ...],
-    module: str | None,
-    skipped: tuple[str, ...],
-    as_json: bool,
-) -> None:
+def command(robots: tuple[str, ...], as_json: bool, **asked: Any) -> None:
     """Show the parts of a robot: taxels, repairs, distance to the body, pitch, modules, verdict.
 
     ROBOT is a built-in name (default: icub), the path of a manifest, or one or several bare taxel
@@ -62,15 +52,12 @@ def command(
               skinmap inspect ur10e-cyskin
     """
     names = robots or ("icub",)
-    result = work(names, parts, module, skipped)
+    result = work(names, **asked)
     present(result, lambda one: [*_lines(one), _next(one, names)], as_json=as_json)
 
 
 def work(
-    robots: tuple[str, ...],
-    parts: tuple[str, ...],
-    module: str | None,
-    skipped: tuple[str, ...],
+    robots: tuple[str, ...], parts: tuple[str, ...], module: str | None, skipped: tuple[str, ...]
 ) -> InspectResult:
     """Measure all parts."""
     from skinmap.cli.inspect.inspection import (
@@ -102,17 +89,11 @@ def work(
 
 
 def _lines(result: InspectResult) -> Iterator[str | Table]:
-    columns = ["part", "link", "taxels", "modules", "distance mm", "max", "pitch mm"]
-    rows: list[list[Cell]] = [
-        [
-            row.name, row.link, row.taxels, row.modules,
-            None if row.distance_mm is None else row.distance_mm.median,
-            None if row.distance_mm is None else row.distance_mm.max,
-            row.pitch_mm.median, row.rebuilt, given(row.inward), given(row.covered), row.verdict,
-        ]
-        for row in result.parts
-    ]  # fmt: skip
-    yield Table([*columns, "rebuilt", "inward", "covered", "verdict"], rows)
+    shown = (
+        "name=part link taxels modules distance_mm.median=distance_mm distance_mm.max "
+        "pitch_mm.median=pitch_mm rebuilt inward covered verdict"
+    )
+    yield Table.of(PartRow, result.parts, shown)
     if any(row.rebuilt or given(row.inward) or given(row.covered) for row in result.parts):
         yield "rebuilt: set apart from one place; inward: normals into the body; covered: below it"
     for row in result.parts:

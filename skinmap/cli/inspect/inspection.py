@@ -10,13 +10,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
-from skinmap.cli.inspect.inspect_result import (
-    AngleSpread,
-    DrawingMatch,
-    PartRow,
-    Spread,
-    Standing,
-)
+from skinmap.cli.inspect.inspect_result import AngleSpread, DrawingMatch, PartRow, Spread, Standing
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.flat_maps.drawing import read_drawing
 from skinmap.io.taxels.cyskin import read_cyskin
@@ -321,23 +315,21 @@ def _twin(name: str) -> str:
     return "left_" + name.removeprefix("right_") if name.startswith("right_") else ""
 
 
+# What to do next where a warning says one of these; the last one that holds.
+VERDICTS = {
+    "check the module numbers against the hardware": ("swapped", "URDF has others"),
+    "name the drawing that belongs to the table": ("another skin's",),
+    "check the places of these channels": ("channels at one place",),
+    "name the cover, or check the frame": ("a cover",),
+    "check frame and unit": ("normals point", "frame or unit"),
+    "check the link, which has no mesh": (NO_MESH,),
+    "give each shape its pose": ("give it a pose",),
+    "name the module layout": ("all taxels of module",),
+}
+
+
 def _verdict(warnings: list[str]) -> str:
     """What to do next, in a few words."""
-    verdict = "ok"
-    if any("swapped" in text or "URDF has others" in text for text in warnings):
-        verdict = "check the module numbers against the hardware"
-    if any("another skin's" in text for text in warnings):
-        verdict = "name the drawing that belongs to the table"
-    if any("channels at one place" in text for text in warnings):
-        verdict = "check the places of these channels"
-    if any("a cover" in text for text in warnings):
-        verdict = "name the cover, or check the frame"
-    if any("normals point" in text or "frame or unit" in text for text in warnings):
-        verdict = "check frame and unit"
-    if any(NO_MESH in text for text in warnings):
-        verdict = "check the link, which has no mesh"
-    if any("give it a pose" in text for text in warnings):
-        verdict = "give each shape its pose"
-    if any("all taxels of module" in text for text in warnings):
-        verdict = "name the module layout"
-    return verdict
+    said = "\n".join(warnings)
+    held = [verdict for verdict, signs in VERDICTS.items() if any(one in said for one in signs)]
+    return held[-1] if held else "ok"

@@ -11,10 +11,10 @@ from array import array
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -41,7 +41,7 @@ from skinmap.io.mcap.writing import (
     TOPICS,
     TOUCHES,
     McapWriter,
-    touch_text,
+    mark_text,
 )
 from skinmap.io.recordings.recorded_stream import (
     NS,
@@ -264,7 +264,8 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
     widths = head_value(head, "widths", dict, path)
     kinds: list[Kind] = [each for each in ("pressure", "raw") if each in widths]
     if kind is None:
-        filled = [each for each in kinds if _filled(index, each)]
+        full = {one for (one, _), topic in TOPICS.items() if len(index.of(topic))}
+        filled = [each for each in kinds if each in full]
         kind = (filled or kinds or ["raw"])[0]
     if kind not in widths:
         raise DataFormatError(f"holds no {kind} values, only {', '.join(kinds)}", path)
@@ -273,6 +274,7 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
     values = McapSamples(index, kind, sum(columns))
     rate, held = head_number(head, "rate", path), head_number(head, "chunk_seconds", path)
     joints, angles = _angles(index, values.stamps)
+    prints = head_value(head, "fingerprints", dict, path)
     return RecordedStream(
         StreamInfo(
             head.get("name", "") or path.name,
@@ -281,7 +283,7 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
             rate,
             kind,
             head.get("robot", ""),
-            head_words(head, "fingerprints", path),
+            {part: str(word) for part, word in prints.items()},
             head.get("clock", "recording"),
         ),
         values.times,
@@ -290,7 +292,7 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
         joints=joints,
         angles=angles,
         tables=_tables(index.found),
-        loss=_loss(index.found, values, rate or measured_rate(values.times), held, head, path),
+        loss=_loss(index.found, values, rate or measured_rate(values.times), held, head),
         samples={
             part: int(count)
             for part, count in head_value(head, "samples", dict, path).items()
@@ -299,10 +301,6 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
         manifest=head.get("manifest", ""),
         overview=Overview.parse(index.found.attachments.get(NAME, b""), parts),
     )
-
-
-def _filled(index: Index, kind: Kind) -> bool:
-    return any(len(index.of(topic)) for (each, _), topic in TOPICS.items() if each == kind)
 
 
 def _said(message: bytes) -> Any:
@@ -327,50 +325,56 @@ def _objects(
     return found
 
 
+class _Mark(msgspec.Struct):
+    """What a message of `TOUCHES` says."""
+
+    part: str
+    event: int
+    label: str
+    began_s: float
+    ended_s: float | None = None
+    subject: int = 0
+    owners: dict[str, Any] | None = None
+    session: str | None = None
+    person: str | None = None
+    motion: Any = None
+    channels: tuple[int, ...] = ()
+    answers: dict[str, Any] | None = None  # of files since models answer
+
+
 def _touches(index: Index, stamps: IntArray, head: dict[str, str]) -> tuple[MarkedTouch, ...]:
     """Touches by what was said at their end, else at their beginning."""
-    ends: dict[tuple[str, int, float], dict[str, Any]] = {}
-    for _, one in _objects(index, TOUCHES):
-        kinds: dict[str, Any] = {"part": str, "event": int, "began_s": int | float, "label": str}
-        if not all(isinstance(one.get(key), kind) for key, kind in kinds.items()):
-            raise DataFormatError("a touch without its part, event, time or label", index.path)
-        key = (one["part"], one["event"], one["began_s"])
-        if key not in ends or "ended_s" in one:
-            ends[key] = one
-    touches = []
-    for (part, event, began), one in ends.items():
-        subject, owners = one.get("subject", 0), one.get("owners")
+    marks: dict[tuple[str, int, float], _Mark] = {}
+    for _, told in _objects(index, TOUCHES):
         try:
-            first = int(np.searchsorted(stamps, nanoseconds_of(began)))
-            last = len(stamps) - 1
-            if "ended_s" in one:
-                ended = nanoseconds_of(one["ended_s"])
-                last = int(np.searchsorted(stamps, ended, side="right")) - 1
-        except (InvalidArrayError, TypeError):
-            raise DataFormatError(f"touch {event} of {part!r} has no time", index.path) from None
-        said = [one.get(key, head.get(key, "")) for key in ("session", "person")]
-        words = all(isinstance(word, str) for word in said)
-        channels = one.get("channels", [])
-        listed = isinstance(channels, list) and all(isinstance(k, int) for k in channels)
-        answers = one.get("answers")  # of files since models answer
-        damaged = not isinstance(subject, int)
-        damaged |= not all(isinstance(told, dict | None) for told in (owners, answers))
-        if damaged or not words or not listed:
-            raise DataFormatError(f"touch {event} of {part!r} is damaged", index.path)
-        motion = _true_motion(one.get("motion"), f"touch {event} of {part!r}", index.path)
-        mark = MarkedTouch(part, event, one["label"], first, last, subject, owners, *said)
-        touches.append(replace(mark, motion=motion, channels=tuple(channels), answers=answers))
-    return tuple(touches)
+            one = msgspec.convert(told, _Mark)
+        except msgspec.ValidationError as error:
+            raise DataFormatError(f"a touch is damaged: {error}", index.path) from None
+        key = (one.part, one.event, one.began_s)
+        if key not in marks or one.ended_s is not None:
+            marks[key] = one
+    return tuple(_touch(one, stamps, head, index.path) for one in marks.values())
 
 
-def _true_motion(told: Any, whose: str, path: Path) -> TrueMotion | None:
-    """The motion that a mark tells; None where it tells none."""
-    if told is None:
-        return None
+def _touch(one: _Mark, stamps: IntArray, head: dict[str, str], path: Path) -> MarkedTouch:
+    whose = f"touch {one.event} of {one.part!r}"
     try:
-        return TrueMotion.from_arrays(told)
+        first = int(np.searchsorted(stamps, nanoseconds_of(one.began_s)))
+        last = len(stamps) - 1
+        if one.ended_s is not None:
+            last = int(np.searchsorted(stamps, nanoseconds_of(one.ended_s), side="right")) - 1
+    except InvalidArrayError:
+        raise DataFormatError(f"{whose} has no time", path) from None
+    try:
+        motion = None if one.motion is None else TrueMotion.from_arrays(one.motion)
     except (KeyError, TypeError, ValueError, IndexError):
         raise DataFormatError(f"the motion of {whose} is damaged", path) from None
+    session = head.get("session", "") if one.session is None else one.session
+    person = head.get("person", "") if one.person is None else one.person
+    return MarkedTouch(
+        one.part, one.event, one.label, first, last, one.subject, one.owners, session, person,
+        motion, one.channels, one.answers,
+    )  # fmt: skip
 
 
 def _angles(index: Index, stamps: IntArray) -> tuple[tuple[str, ...], FloatArray]:
@@ -406,19 +410,11 @@ def _tables(found: Scan) -> dict[str, TaxelTable]:
     return tables
 
 
-def _loss(
-    found: Scan,
-    values: McapSamples,
-    rate: float,
-    held: float,
-    head: dict[str, str],
-    path: Path,
-) -> Loss:
+def _loss(found: Scan, values: McapSamples, rate: float, held: float, head: dict[str, str]) -> Loss:
     """What is missing now, and what a repaired file remembers of the one it was made from."""
+    before = Loss()
     if REPAIRED in head:
-        before = Loss(True, head_number(head, REPAIRED, path), ("repaired before",))
-    else:
-        before = Loss()
+        before = Loss(True, head_number(head, REPAIRED, found.path), ("repaired before",))
     if found.finished and not found.damage:
         return before
     step = 1.0 / rate if rate > 0 else 0.0
@@ -432,9 +428,8 @@ def _loss(
         seconds += float(promised)
     elif not found.finished:
         seconds += held
-    if REPAIRED in head:
-        seconds = max(seconds, before.seconds)  # the samples missing inside are in both
-    return Loss(True, seconds, tuple(found.damage[:100]))
+    # The samples missing inside are in both.
+    return Loss(True, max(seconds, before.seconds), tuple(found.damage[:100]))
 
 
 def read_head(found: Scan) -> dict[str, str]:
@@ -473,11 +468,6 @@ def head_value(head: dict[str, str], key: str, kind: type[Any], path: Path) -> A
     if not isinstance(value, kind):
         raise DataFormatError(f"its {key} are damaged", path)
     return value
-
-
-def head_words(head: dict[str, str], key: str, path: Path) -> dict[str, str]:
-    """Words by name that stand in the head as JSON."""
-    return {str(name): str(word) for name, word in head_value(head, key, dict, path).items()}
 
 
 def head_number(head: dict[str, str], key: str, path: Path) -> float:
@@ -559,7 +549,6 @@ def write_marked(path: Path, output: Path, touches: Sequence[MarkedTouch]) -> No
         The output cannot be written.
     """
     track = read_track(path)
-    times = track.times
     index = Index(path)
     head = read_head(index.found)
     channels = index.found.channels
@@ -571,7 +560,8 @@ def write_marked(path: Path, output: Path, touches: Sequence[MarkedTouch]) -> No
         place = numbers[old]
         _copy(writer, index, {each: new for each, new in numbers.items() if new != place})
         for one in touches:
-            stamp, text = touch_text(one, times, head)
+            began, ended = track.times[[one.first, one.last]].tolist()
+            stamp, text = mark_text(one, began, ended, head)
             writer.add_message(place, stamp, text.encode() if bare else text_message(text), 0)
         writer.finish(overview=_overview(track, touches))
 

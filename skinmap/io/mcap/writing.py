@@ -10,10 +10,9 @@ from __future__ import annotations
 import io
 import json
 import os
-import tempfile
 import time
 import zlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
@@ -22,21 +21,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap import __version__
-from skinmap.arrays import FloatArray
 from skinmap.errors import OutputError, SkinMismatchError
 from skinmap.io.mcap.file_overview import NAME, OverviewMaker
 from skinmap.io.mcap.mcap_scan import WHOLE
-from skinmap.io.recordings.recorded_stream import Kind, MarkedTouch, RecordedStream, nanoseconds_of
+from skinmap.io.recordings.recorded_stream import (
+    Kind,
+    MarkedTouch,
+    RecordedStream,
+    nanoseconds_of,
+    whole_counts,
+)
 from skinmap.io.ros2.bag_metadata import BAG_KEY, QOS_KEY, TopicFacts, bag_metadata, qos_profile
 from skinmap.io.ros2.bag_metadata import METADATA as BAG_METADATA
 from skinmap.io.ros2.message_types import Number, array_type, definition, encode, full_name
 from skinmap.io.ros2.messages import TouchMarker, joints_message, text_message
 from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED, TYPES, RobotTopics, RobotView
-from skinmap.io.taxels.taxel_table import write_csv
+from skinmap.io.taxels.taxel_table import csv_text
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, fingerprint
 from skinmap.skin.taxels import TaxelTable
-from skinmap.touch.true_motion import TrueMotion
 
 CHUNK_BYTES = 64 * 1024
 CHUNK_SECONDS = 0.1  # half of what may be lost; the other half is for a busy machine
@@ -56,8 +59,6 @@ class McapWriter:
         Uncompressed size that closes a chunk.
     chunk_seconds : float
         Age that closes a chunk, in messages' time and by the clock.
-    clock : callable
-        Seconds.
 
     Notes
     -----
@@ -72,11 +73,10 @@ class McapWriter:
         *,
         chunk_bytes: int = CHUNK_BYTES,
         chunk_seconds: float = CHUNK_SECONDS,
-        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         from mcap.writer import Writer
 
-        self._sink, self._clock, self._age = _WholeWrites(file), clock, chunk_seconds
+        self._sink, self._age = _WholeWrites(file), chunk_seconds
         self._writer: Any = Writer(self._sink, chunk_size=chunk_bytes)  # type: ignore[arg-type]
         self._span: tuple[int, int] | None = None  # of the open chunk's messages [ns]
         self._began = 0.0
@@ -120,7 +120,7 @@ class McapWriter:
     def add_message(self, channel: int, nanoseconds: int, data: bytes, sequence: int) -> None:
         """Add a message to the open chunk; close the chunk if it is large or old enough."""
         if self._span is None:
-            self._began, self._span = self._clock(), (nanoseconds, nanoseconds)
+            self._began, self._span = time.monotonic(), (nanoseconds, nanoseconds)
         low, high = min(self._span[0], nanoseconds), max(self._span[1], nanoseconds)
         self._span = (low, high)
         self._writer.add_message(channel, nanoseconds, data, nanoseconds, sequence & 0xFFFFFFFF)
@@ -130,7 +130,7 @@ class McapWriter:
     @property
     def age(self) -> float:
         """Seconds since the first message that is not yet in a closed chunk; 0 where none is."""
-        return 0.0 if self._span is None else self._clock() - self._began
+        return 0.0 if self._span is None else time.monotonic() - self._began
 
     def flush(self) -> None:
         """Close the open chunk and give it to the system."""
@@ -198,26 +198,21 @@ class _WholeWrites:
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
-        self._waiting = bytearray()
+        self.waiting = bytearray()
         self._starts: list[int] = []
         self.size = self.checksum = 0
         self.broken = False
 
-    @property
-    def waiting(self) -> bool:
-        """Whether something was not yet given to the system."""
-        return bool(self._waiting)
-
     def write(self, data: bytes) -> int:
-        self._waiting += data
+        self.waiting += data
         return len(data)
 
     def tell(self) -> int:
-        return self.size + len(self._waiting)
+        return self.size + len(self.waiting)
 
     def flush(self) -> None:
-        rest = memoryview(bytes(self._waiting))
-        self._waiting.clear()
+        rest = memoryview(bytes(self.waiting))
+        self.waiting.clear()
         length, checksum = len(rest), zlib.crc32(rest, self.checksum)
         try:
             while rest:
@@ -448,13 +443,7 @@ class McapRecording:
         *,
         began: float,
         ended: float | None = None,
-        subject: int = 0,
-        owners: Mapping[str, list[int]] | None = None,
-        session: str = "",
-        person: str = "",
-        motion: TrueMotion | None = None,
-        channels: Sequence[int] = (),
-        answers: Mapping[str, Any] | None = None,
+        **known: Any,
     ) -> None:
         """Mark a touch; what is said at its end counts more than what was said before.
 
@@ -466,37 +455,12 @@ class McapRecording:
         label : str
         began, ended : float
             Times of its first and, once it has ended, its last sample [s].
-        subject : int
-            Who touched.
-        owners : mapping of str to list of int
-            Taxels of each touch that the label joins.
-        session, person : str
-            Where they are not those of the file.
-        motion : TrueMotion, optional
-            Its true way, presses and speed, where they are known.
-        channels : sequence of int
-            Places of its taxels in the live vector of the part, where they are known.
-        answers : mapping, optional
-            `kind`, `motion` and `hand` as JSON has them, where a model answered.
+        **known
+            What else `MarkedTouch` has: `subject`, `owners`, `session` and `person` where they are
+            not those of the file, `motion`, `channels`, `answers`.
         """
-        content: dict[str, Any] = {"part": part, "event": event, "label": label, "began_s": began}
-        content["subject"] = subject
-        if ended is not None:
-            content["ended_s"] = ended
-        if owners:
-            content["owners"] = owners
-        if channels:
-            content["channels"] = list(channels)
-        said = {"session": session, "person": person}
-        content |= {key: word for key, word in said.items() if word}
-        if motion is not None:
-            content["motion"] = {key: one.tolist() for key, one in motion.to_arrays().items()}
-        if answers is not None:
-            content["answers"] = dict(answers)
-        stamp = nanoseconds_of(began if ended is None else ended)
-        text = json.dumps(content, separators=(",", ":"))
-        self._overview.mark(self._parts.index(part), event, began)
-        self._message(TOUCHES, stamp, text_message(text), 0)
+        one = MarkedTouch(part, event, label, 0, 0, **known)
+        self._mark(one, began, mark_text(one, began, ended, {}))
 
     def add_all(self, track: RecordedStream) -> None:
         """Write a whole recording, each touch once its last sample is there, and close the file."""
@@ -510,12 +474,15 @@ class McapRecording:
                 self.add(track.kind, time, track.values[row : row + 1][0])
                 while marks and marks[-1].last == row:
                     one = marks.pop()
-                    began = float(track.times[one.first])
-                    self._overview.mark(self._parts.index(one.part), one.event, began)
-                    stamp, text = touch_text(one, track.times, self._head)
-                    self._message(TOUCHES, stamp, text_message(text), 0)
+                    began, ended = track.times[[one.first, one.last]].tolist()
+                    self._mark(one, began, mark_text(one, began, ended, self._head))
         finally:
             self.close()
+
+    def _mark(self, one: MarkedTouch, began: float, mark: tuple[int, str]) -> None:
+        stamp, text = mark
+        self._overview.mark(self._parts.index(one.part), one.event, began)
+        self._message(TOUCHES, stamp, text_message(text), 0)
 
     def flush(self) -> None:
         """Give everything to the system."""
@@ -537,20 +504,15 @@ class McapRecording:
         """
         if self._file.closed:
             return
-        try:
-            if self._view is not None and not self._writer.broken:
-                self._view.end()
-        finally:
-            self._finish()
-
-    def _finish(self) -> None:
-        try:
-            with self._disk():
-                words = {BAG_METADATA: {BAG_KEY: self.bag_metadata()}}
-                made = self._overview.overview().to_bytes(self._parts)
-                self._writer.finish(words, made if self._overview.even else None)
-        finally:
-            self._file.close()
+        with self._file:
+            try:
+                if self._view is not None and not self._writer.broken:
+                    self._view.end()
+            finally:
+                with self._disk():
+                    words = {BAG_METADATA: {BAG_KEY: self.bag_metadata()}}
+                    made = self._overview.overview().to_bytes(self._parts)
+                    self._writer.finish(words, made if self._overview.even else None)
 
     def bag_metadata(self) -> str:
         """What rosbag2 keeps of a bag beside its messages, as YAML."""
@@ -565,16 +527,19 @@ class McapRecording:
         return _Disk(self.path)
 
 
-def touch_text(one: MarkedTouch, times: FloatArray, head: Mapping[str, str]) -> tuple[int, str]:
+def mark_text(
+    one: MarkedTouch, began: float, ended: float | None, head: Mapping[str, str]
+) -> tuple[int, str]:
     """Time stamp [ns] and content of the mark of a touch; what the head says holds for all."""
     content: dict[str, Any] = {
         "part": one.part,
         "event": one.event,
         "label": one.label,
-        "began_s": float(times[one.first]),
-        "ended_s": float(times[one.last]),
+        "began_s": began,
         "subject": one.subject,
     }
+    if ended is not None:
+        content["ended_s"] = ended
     said = {"session": one.session, "person": one.person}
     content |= {key: word for key, word in said.items() if word != head.get(key, "")}
     if one.owners:
@@ -585,7 +550,7 @@ def touch_text(one: MarkedTouch, times: FloatArray, head: Mapping[str, str]) -> 
         content["motion"] = {key: rows.tolist() for key, rows in one.motion.to_arrays().items()}
     if one.answers is not None:
         content["answers"] = dict(one.answers)
-    stamp = nanoseconds_of(content["ended_s"])
+    stamp = nanoseconds_of(began if ended is None else ended)
     return stamp, json.dumps(content, separators=(",", ":"))
 
 
@@ -606,22 +571,10 @@ class _Disk:
             ) from None
 
 
-def whole_counts(values: NDArray[Any]) -> bool:
-    """Whether values are whole and lie in 0..255, so that a byte holds each."""
-    if values.dtype == np.uint8:
-        return True
-    if not (values.min(initial=0) >= 0 and values.max(initial=0) <= 255):
-        return False  # NaN too
-    return bool((values == np.floor(values)).all())
-
-
 def table_of(skin: Skin) -> bytes:
     """The taxels of a skin as our CSV."""
     table = TaxelTable(skin.channels, skin.modules, skin.positions, skin.normals, link=skin.link)
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder) / "skin.csv"
-        write_csv(table, file)
-        return file.read_bytes()
+    return csv_text(table).encode()
 
 
 def _alone(path: Path) -> io.FileIO:

@@ -17,12 +17,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
-from skinmap.archive import open_arrays
+from skinmap.archive import read_arrays
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
+from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
 from skinmap.io.taxels.cyskin import columns_of, read_cyskin_taxels
 from skinmap.io.text import check_file
 from skinmap.skin.skin import Skin, skin_from_points
@@ -69,11 +68,7 @@ def read_pressed(arrays: Path, patch: Path) -> PressedSkin:
     """
     check_file(arrays, "an archive of samples (.npz)", MAX_BYTES)
     table = read_cyskin_taxels(patch)
-    try:
-        with open_arrays(arrays) as found:
-            held = {name: _numbers(found, name, arrays) for name in found.files}
-    except DAMAGED_ARCHIVE as error:
-        raise DataFormatError(f"not an archive of arrays: {str(error)[:200]}", arrays) from None
+    held = {name: _numbers(array, name, arrays) for name, array in read_arrays(arrays).items()}
     values, ids = _needed(held, "values", 2, arrays), _needed(held, "taxel_ids", 1, arrays)
     if len(values) == 0 or len(ids) != values.shape[1]:
         raise DataFormatError(
@@ -111,8 +106,7 @@ def above_rest(raw: FloatArray) -> NDArray[np.uint8]:
     return np.rint(pressed * (COUNTS / SATURATION)).astype(np.uint8)
 
 
-def _numbers(found: NpzFile, name: str, path: Path) -> NDArray[Any]:
-    array = found[name]
+def _numbers(array: NDArray[Any], name: str, path: Path) -> NDArray[Any]:
     if array.dtype.kind not in "buif" or not np.isfinite(array).all():
         raise DataFormatError(f"{name} must hold finite numbers", path)
     return np.asarray(array, np.float64)

@@ -14,7 +14,13 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
-from skinmap.io.recordings.recorded_stream import Loss, RecordedStream, StreamInfo, measured_rate
+from skinmap.io.recordings.recorded_stream import (
+    Kind,
+    Loss,
+    RecordedStream,
+    StreamInfo,
+    measured_rate,
+)
 from skinmap.io.text import check_file
 from skinmap.skin.robot import Robot
 
@@ -52,27 +58,9 @@ def read_dump(path: Path, *, robot: Robot | None = None) -> RecordedStream:
     named = {_part(log, robot): log for log in logs}
     if len(named) < len(logs):
         raise DataFormatError("two logs of one part", path)
+    name = path.name if path.is_dir() else path.parent.name or path.name
     read = {part: read_log(log) for part, log in named.items()}
-    if len(read) > 1:
-        read = together(read, path)
-    longest = max(read.values(), key=lambda one: len(one[0]))
-    times = longest[0]
-    cut = [damage for _, _, damage in read.values() if damage]
-    rate = measured_rate(times)
-    info = StreamInfo(
-        path.name if path.is_dir() else path.parent.name or path.name,
-        tuple(read),
-        tuple(values.shape[1] for _, values, _ in read.values()),
-        rate,
-        "raw",
-        "" if robot is None else robot.name,
-    )
-    return RecordedStream(
-        info,
-        times,
-        np.concatenate([values for _, values, _ in read.values()], axis=1),
-        loss=Loss(True, 1.0 / rate if rate else 0.0, tuple(cut)) if cut else Loss(),
-    )
+    return side_by_side(name, read, "raw", "" if robot is None else robot.name, path)
 
 
 def _logs(path: Path) -> list[Path]:
@@ -122,14 +110,12 @@ def read_log(path: Path) -> tuple[FloatArray, NDArray[Any], str]:
                 continue
             row = _numbers(line)
             whole = line.endswith(b"\n")
-            if row is None or len(row) < 3 or (width and len(row) != width):
-                if not whole and width:
-                    damage = f"cut off in line {number}"
-                    break
-                raise DataFormatError(_what(row, width), path, number)
-            if not whole:  # its last number may have lost digits
+            fits = row is not None and len(row) >= 3 and len(row) == (width or len(row))
+            if not whole and (fits or width):  # its last number may have lost digits
                 damage = f"cut off in line {number}"
                 break
+            if row is None or not fits:
+                raise DataFormatError(_what(row, width), path, number)
             _check(row, path, number)
             width = len(row)
             times.append(float(row[1]))
@@ -181,9 +167,12 @@ def _packed(rows: list[NDArray[np.float64]]) -> NDArray[Any]:
     return values.astype(np.uint8 if whole else np.float32)
 
 
-def together(
-    read: dict[str, tuple[FloatArray, NDArray[Any], str]], path: Path
-) -> dict[str, tuple[FloatArray, NDArray[Any], str]]:
+PartLog = tuple[FloatArray, NDArray[Any], str]  # times, values, and what was wrong with its end
+
+
+def side_by_side(
+    name: str, read: dict[str, PartLog], kind: Kind, robot: str, path: Path
+) -> RecordedStream:
     """All parts at the times of the one with most samples, each holding what it sent last."""
     start = max(times[0] for times, _, _ in read.values())
     end = min(times[-1] for times, _, _ in read.values())
@@ -191,8 +180,11 @@ def together(
     shared = reference[(reference >= start) & (reference <= end)]
     if len(shared) == 0:
         raise DataFormatError("its parts were recorded at other times", path)
-    held = {}
-    for part, (times, values, damage) in read.items():
-        rows = np.searchsorted(times, shared, side="right") - 1
-        held[part] = (shared, values[rows], damage)
-    return held
+    columns = []
+    for times, values, _ in read.values():
+        columns.append(values[np.searchsorted(times, shared, side="right") - 1])
+    rate = measured_rate(shared)
+    info = StreamInfo(name, tuple(read), tuple(one.shape[1] for one in columns), rate, kind, robot)
+    cut = tuple(damage for _, _, damage in read.values() if damage)
+    loss = Loss(True, 1.0 / rate if rate else 0.0, cut) if cut else Loss()
+    return RecordedStream(info, shared, np.concatenate(columns, axis=1), loss=loss)

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.archive import open_arrays
-from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, MissingFileError
+from skinmap.archive import read_arrays
+from skinmap.errors import DataFormatError, MissingFileError
 from skinmap.imports import import_optional
 from skinmap.io.text import check_file
 
@@ -131,11 +131,7 @@ def _of_table(path: Path) -> LabelledImages:
 
 def _of_arrays(path: Path) -> LabelledImages:
     check_file(path, "contact images (.npz)", 2**32)
-    try:
-        with open_arrays(path) as arrays:
-            kept = {name: arrays[name] for name in arrays.files}
-    except DAMAGED_ARCHIVE as error:
-        raise DataFormatError(f"not an archive of arrays: {str(error)[:200]}", path) from None
+    kept = read_arrays(path)
     missing = [name for name in ("images", "labels") if name not in kept]
     if missing:
         raise DataFormatError(

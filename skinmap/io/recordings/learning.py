@@ -26,14 +26,14 @@ from skinmap.io.recordings.recorded_stream import (
     RecordedStream,
     StreamInfo,
     part_events,
-    taxel_columns,
     touches_of,
 )
-from skinmap.touch.recording import Recording
+from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.true_motion import TrueMotion
 
 FORMAT = "skinmap-arrays-1"
 GZIP = 4
+TAXELS = ("channels", "modules", "positions", "normals")  # arrays of a part's taxels
 
 
 def arrays_of(track: RecordedStream, path: Path) -> Iterator[tuple[str, NDArray[Any]]]:
@@ -59,7 +59,7 @@ def arrays_of(track: RecordedStream, path: Path) -> Iterator[tuple[str, NDArray[
                     yield f"{part}/motions/{event}/{name}", array
         table = track.tables.get(part)
         if table is not None:
-            for name in ("channels", "modules", "positions", "normals"):
+            for name in TAXELS:
                 yield f"{part}/{name}", getattr(table, name)
 
 
@@ -183,45 +183,8 @@ def write_npz(track: RecordedStream, path: Path) -> None:
         np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
 
 
-def recordings_of_arrays(arrays: Any, path: Path) -> list[Recording]:
-    """The labelled pressures of an NPZ that `write_npz` made.
-
-    Parameters
-    ----------
-    arrays : numpy.lib.npyio.NpzFile
-    path : Path
-        For messages.
-
-    Raises
-    ------
-    DataFormatError
-        Another format, or raw values.
-    """
-    told = _about(arrays, path)
-    if told["kind"] != "pressure":
-        raise DataFormatError(f"holds {told['kind']} values", path)
-    found = []
-    for part in map(str, told["parts"]):
-        count = int(told["samples"].get(part, len(arrays["times"])))
-        values = arrays[f"{part}/values"]
-        channels = arrays.get(f"{part}/channels", None)
-        columns = taxel_columns(channels, values.shape[1], part, path)
-        if values.dtype != np.uint8:
-            raise DataFormatError(f"pressures of {part!r} are {values.dtype}, not uint8", path)
-        found.append(
-            Recording(
-                part,
-                arrays["times"][:count],
-                values[:count, columns],
-                fingerprint=str(told["fingerprints"].get(part, "")),
-                **_events(arrays, part, count).known(),
-            )
-        )
-    return found
-
-
 def track_of_arrays(arrays: Any, path: Path) -> RecordedStream:
-    """The whole recording of an NPZ that `write_npz` made, joint angles too.
+    """The whole recording of an NPZ that `write_npz` made.
 
     Parameters
     ----------
@@ -234,7 +197,9 @@ def track_of_arrays(arrays: Any, path: Path) -> RecordedStream:
     DataFormatError
         Another format, or arrays whose lengths differ.
     """
-    told = _about(arrays, path)
+    told: dict[str, Any] = json.loads(str(arrays["about"]))
+    if told["format"] != FORMAT:
+        raise DataFormatError(f"format {told['format']!r}, expected {FORMAT!r}", path)
     parts = tuple(map(str, told["parts"]))
     times = arrays["times"]
     values = [arrays[f"{part}/values"] for part in parts]
@@ -263,15 +228,13 @@ def track_of_arrays(arrays: Any, path: Path) -> RecordedStream:
         ),
         joints=joints,
         angles=angles,
+        tables={
+            part: TaxelTable(*(arrays[f"{part}/{name}"] for name in TAXELS))
+            for part in parts
+            if f"{part}/{TAXELS[0]}" in arrays
+        },
         samples=told["samples"],
     )
-
-
-def _about(arrays: Any, path: Path) -> dict[str, Any]:
-    told: dict[str, Any] = json.loads(str(arrays["about"]))
-    if told["format"] != FORMAT:
-        raise DataFormatError(f"format {told['format']!r}, expected {FORMAT!r}", path)
-    return told
 
 
 def _events(arrays: Any, part: str, count: int) -> PartEvents:

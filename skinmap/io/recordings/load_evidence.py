@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.archive import open_arrays
-from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError
+from skinmap.archive import read_arrays
+from skinmap.arrays import FloatArray, IntArray, check_finite
+from skinmap.errors import DataFormatError, InvalidArrayError
 from skinmap.io.text import check_file
 
 PRESSURES = {"pressure_bar": 1.0, "pressure_kpa": 1e-2, "pressure_pa": 1e-5}
@@ -51,10 +51,10 @@ class LoadEvidence:
     name: str
     samples: NDArray[Any]
     times: FloatArray
-    kind: str
-    reference: FloatArray
-    reference_times: FloatArray | None
-    channels: IntArray | None
+    kind: str = ""
+    reference: FloatArray = field(default_factory=lambda: np.zeros(0))
+    reference_times: FloatArray | None = None
+    channels: IntArray | None = None
 
     @property
     def rate(self) -> float:
@@ -87,7 +87,7 @@ def read_evidence(path: Path, *, needed: bool = True) -> LoadEvidence:
             path,
         )
     check_file(path, "samples beside a known load (.npz or .csv)", 2**32)
-    held = _table(path) if path.suffix.lower() == ".csv" else _arrays(path)
+    held = _table(path) if path.suffix.lower() == ".csv" else read_arrays(path)
     there = ", ".join(held) or "none"
     for name in ("samples", "times"):
         if name not in held:
@@ -110,14 +110,13 @@ def read_evidence(path: Path, *, needed: bool = True) -> LoadEvidence:
             "more than half of the times repeat: they need parts of a second", path
         )
     kind = _kind(held, path, needed)
-    if not kind:
-        return LoadEvidence(path.name, samples, times, "", np.zeros(0), None, None)
     try:
-        return _with_reference(held, kind, samples, times, path)
+        if kind:
+            return _with_reference(held, kind, samples, times, path)
     except DataFormatError:
         if needed:
             raise
-        return LoadEvidence(path.name, samples, times, "", np.zeros(0), None, None)
+    return LoadEvidence(path.name, samples, times)
 
 
 def _with_reference(
@@ -127,7 +126,10 @@ def _with_reference(
     times: FloatArray,
     path: Path,
 ) -> LoadEvidence:
-    reference = _wrench(held[kind], path) if kind == WRENCH else _numbers(held, kind, path)
+    if kind == WRENCH:
+        reference = _numbers(held, kind, path, "(u, 6), force [N] and moment [N m]", (6,))
+    else:
+        reference = _numbers(held, kind, path)
     own = _numbers(held, "reference_times", path) if "reference_times" in held else None
     _check_reference(reference, own, kind, times, path)
     scale = PRESSURES.get(kind) or FORCES.get(kind, 1.0)
@@ -147,16 +149,6 @@ def _with_reference(
             path,
         )
     return LoadEvidence(path.name, samples, times, kind, reference * scale, own, channels)
-
-
-def _arrays(path: Path) -> dict[str, NDArray[Any]]:
-    try:
-        with open_arrays(path) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-    except DAMAGED_ARCHIVE as error:
-        if isinstance(error, DataFormatError):
-            raise
-        raise DataFormatError(f"not an archive of arrays: {str(error)[:200]}", path) from None
 
 
 def _table(path: Path) -> dict[str, NDArray[Any]]:
@@ -234,17 +226,6 @@ def _check_reference(
         )
 
 
-def _wrench(values: NDArray[Any], path: Path) -> FloatArray:
-    if values.dtype.kind not in "uif" or values.ndim != 2 or values.shape[1] != 6:
-        raise DataFormatError(
-            f"wrench must be (u, 6), force [N] and moment [N m], got shape {values.shape}", path
-        )
-    if not np.isfinite(values).all():
-        row = int(np.argmin(np.isfinite(values).all(axis=1)))
-        raise DataFormatError(f"wrench holds NaN or infinity, first in row {row}", path)
-    return np.asarray(values, np.float64)
-
-
 def _channels(held: dict[str, NDArray[Any]], n: int, path: Path) -> IntArray | None:
     """Channels of the array `footprint`, or of `channels`."""
     for name in ("footprint", "channels"):
@@ -260,13 +241,17 @@ def _channels(held: dict[str, NDArray[Any]], n: int, path: Path) -> IntArray | N
     return None
 
 
-def _numbers(held: dict[str, NDArray[Any]], name: str, path: Path) -> FloatArray:
-    values = held[name]
-    if values.dtype.kind == "f" and values.ndim == 1 and not np.isfinite(values).all():
-        row = int(np.argmin(np.isfinite(values)))
-        raise DataFormatError(f"{name} holds NaN or infinity, first in row {row}", path)
-    if values.dtype.kind not in "buif" or values.ndim > 1 or not np.isfinite(values).all():
-        raise DataFormatError(
-            f"{name} must be finite numbers in one dimension, got shape {values.shape}", path
-        )
-    return np.atleast_1d(np.asarray(values, np.float64))
+def _numbers(
+    held: dict[str, NDArray[Any]],
+    name: str,
+    path: Path,
+    wanted: str = "finite numbers in one dimension",
+    inner: tuple[int, ...] = (),
+) -> FloatArray:
+    values = np.atleast_1d(held[name])
+    if values.dtype.kind not in "buif" or values.shape[1:] != inner:
+        raise DataFormatError(f"{name} must be {wanted}, got shape {held[name].shape}", path)
+    try:
+        return check_finite(values, name, (None, *inner))
+    except InvalidArrayError as error:
+        raise DataFormatError(str(error), path) from None

@@ -237,12 +237,16 @@ def _checked(
         event = int(number) if number.isdecimal() else free
         free = max(free, event) + 1
         old = known.get((one.part, event))
-        owners = old.owners if old is not None and JOIN in one.label else None
-        subject = 0 if old is None else old.subject
-        same = old is not None and (old.first, old.last) == (one.first, one.last)
-        motion = old.motion if old is not None and same else None
-        channels = old.channels if old is not None and same else ()
-        answers = old.answers if old is not None and same else None
+        if old is not None:
+            same = (old.first, old.last) == (one.first, one.last)
+            one = replace(
+                old if same else one,
+                label=one.label,
+                session=one.session,
+                person=one.person,
+                owners=old.owners if JOIN in one.label else None,
+                subject=old.subject,
+            )
         own = spans.setdefault(one.part, [])
         place = bisect_left(own, (one.first, one.last))
         for first, last in own[max(place - 1, 0) : place + 1]:  # those beside it in time
@@ -254,10 +258,7 @@ def _checked(
         if (one.part, event) in taken:
             event, free = free, free + 1
         taken.add((one.part, event))
-        yield replace(
-            one, event=event, owners=owners, subject=subject, motion=motion, channels=channels,
-            answers=answers,
-        )  # fmt: skip
+        yield replace(one, event=event)
 
 
 def _marked(

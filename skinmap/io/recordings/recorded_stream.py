@@ -264,6 +264,15 @@ def measured_rate(times: FloatArray) -> float:
     return 1.0 / step if step > 0 else 0.0
 
 
+def whole_counts(values: NDArray[Any]) -> bool:
+    """Whether values are whole and lie in 0..255, so that a byte holds each."""
+    if values.dtype == np.uint8:
+        return True
+    if not (values.min(initial=0) >= 0 and values.max(initial=0) <= 255):
+        return False  # NaN too
+    return bool((values == np.floor(values)).all())
+
+
 def seconds_of(nanoseconds: NDArray[np.uint64]) -> FloatArray:
     """Whole nanoseconds as the nearest seconds; a hair off beyond 104 days."""
     whole, rest = np.divmod(nanoseconds, NS)
@@ -375,27 +384,28 @@ def part_events(touches: Sequence[MarkedTouch], count: int, taxels: int, path: P
     DataFormatError
         Owners that are no taxels.
     """
-    numbers = sorted({touch.event for touch in touches if touch.first <= touch.last < count})
-    place = {number: row for row, number in enumerate(numbers)}
+    marked = {one.event: one for one in touches if 0 <= one.first <= one.last < count}
+    place = {number: row for row, number in enumerate(sorted(marked))}
     events = np.full(count, -1)
-    labels, sessions, people = ([""] * len(numbers) for _ in range(3))
-    motions: list[TrueMotion | None] = [None] * len(numbers)
-    subjects = np.zeros(len(numbers), np.int64)
-    joined = any(touch.owners for touch in touches)
-    owners = np.full((len(numbers), taxels), -1) if joined else None
     for touch in touches:
-        if touch.event not in place or not 0 <= touch.first <= touch.last < count:
-            continue
-        row = place[touch.event]
-        span = events[touch.first : touch.last + 1]
-        span[span < 0] = row  # what began first keeps its samples
-        labels[row], subjects[row] = touch.label, touch.subject
-        sessions[row], people[row], motions[row] = touch.session, touch.person, touch.motion
-        if owners is not None:
-            owners[row] = _owner_row(touch.owners or {}, taxels, path)
-    known = tuple(motions) if any(motions) else ()
-    words = tuple(labels), tuple(sessions), tuple(people)
-    return PartEvents(events, words[0], subjects, owners, *words[1:], known)
+        if 0 <= touch.first <= touch.last < count:
+            span = events[touch.first : touch.last + 1]
+            span[span < 0] = place[touch.event]  # what began first keeps its samples
+    own = [marked[number] for number in place]
+    owners = None
+    if any(touch.owners for touch in touches):
+        rows = [_owner_row(one.owners or {}, taxels, path) for one in own]
+        owners = np.array(rows, np.int64).reshape(-1, taxels)
+    motions = tuple(one.motion for one in own)
+    return PartEvents(
+        events,
+        tuple(one.label for one in own),
+        np.array([one.subject for one in own], np.int64),
+        owners,
+        tuple(one.session for one in own),
+        tuple(one.person for one in own),
+        motions if any(motions) else (),
+    )
 
 
 def _owner_row(owners: Mapping[str, list[int]], taxels: int, path: Path) -> IntArray:

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, UnknownNameError
-from skinmap.io.recordings.recorded_stream import Loss, RecordedStream, StreamInfo
+from skinmap.io.recordings.recorded_stream import Loss, RecordedStream, StreamInfo, whole_counts
 from skinmap.io.text import check_file
 from skinmap.skin.robot import Robot
 
@@ -252,7 +252,6 @@ def _track(
     times = np.sort(np.asarray(longest["time_stamps"], np.float64), kind="stable")
     columns = [_held(stream, times, part, path) for part, stream in chosen.items()]
     joined = np.concatenate(columns, axis=1)
-    whole = (joined >= 0).all() and (joined <= 255).all() and (joined == np.floor(joined)).all()
     rate = float(longest["info"]["nominal_srate"][0])
     told = _described(longest) if len(chosen) == 1 else None
     if told is None:
@@ -262,7 +261,7 @@ def _track(
     return RecordedStream(
         replace(told, name=path.stem, rate=rate, clock="lsl"),
         times,
-        joined.astype(np.uint8 if whole else np.float32),
+        joined.astype(np.uint8 if whole_counts(joined) else np.float32),
         loss=Loss(True, 0.0, tuple(sound.damage[:100])) if sound.damage else Loss(),
     )
 

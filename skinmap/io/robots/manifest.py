@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import math
 import os
-import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -31,7 +30,7 @@ from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.robots.urdf import MeshBody, UrdfBody
 from skinmap.io.taxels.cyskin import has_channel, modules_of
 from skinmap.io.taxels.taxel_table import read_taxels
-from skinmap.io.text import MAX_CHANNEL, is_file, parse_whole, read_text
+from skinmap.io.text import MAX_CHANNEL, is_file, parse_whole, read_text, read_toml
 from skinmap.io.units import UNITS
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.robot import AUTO, Body, Part, Robot
@@ -110,7 +109,7 @@ def builtin_robots() -> tuple[str, ...]:
 def builtin_named(name: str) -> str | None:
     """The built-in robot that is called by a name such as "iCub"; None where there is none."""
     for builtin, path in _builtin_manifests().items() if name else ():
-        if tomllib.loads(read_text(path))["robot"]["name"] == name:
+        if read_toml(path)["robot"]["name"] == name:
             return builtin
     return None
 
@@ -169,11 +168,11 @@ def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
     if not is_file(path):
         raise MissingFileError(path, "a robot manifest (.toml)")
     try:
-        document = tomllib.loads(read_text(path))
-    except (ValueError, RecursionError) as error:  # huge numbers and deep nests are no TOML errors
+        document = read_toml(path)
+    except DataFormatError:
         written = path.suffix.lower() in (".urdf", ".xacro", ".csv")
         check_kind(path, "a manifest", hint=WRITE_ONE if written else SHIPPED)
-        raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
+        raise
     fail = partial(DataFormatError, path=path)
     told = checked(document, _Manifest, what="the manifest", fail=fail, called=toml_table)
     head, inside = told.robot, None if allow_outside else path.resolve().parent

@@ -203,17 +203,6 @@ def write_mesh(mesh: TriangleMesh, path: Path) -> None:
 
     Vertices are shared, so it is a third of an STL.
     """
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        "comment vertices in metres",
-        f"element vertex {len(mesh.vertices)}",
-        *(f"property float {name}" for name in "xyz"),
-        f"element face {len(mesh.faces)}",
-        "property list uchar int vertex_indices",
-        "end_header",
-    ]
-    faces = np.zeros(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, mesh.faces
-    vertices = mesh.vertices.astype("<f4").tobytes()
-    path.write_bytes("\n".join(header).encode("ascii") + b"\n" + vertices + faces.tobytes())
+    whole = import_whole("trimesh").Trimesh(mesh.vertices, mesh.faces, process=False)
+    export = import_whole("trimesh.exchange.ply").export_ply
+    path.write_bytes(export(whole, vertex_normal=False, include_attributes=False))

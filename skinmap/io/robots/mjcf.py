@@ -209,7 +209,7 @@ def _hull(
     pieces = [vertices]
     if len(taxels):
         bare = vertices[cKDTree(taxels).query(vertices)[0] > BARE]
-        pieces = _clusters(bare, PIECES) if len(bare) > PIECES else []
+        pieces = [bare[rows] for rows in _clusters(bare, PIECES)] if len(bare) > PIECES else []
     hulls = [extreme_points(one, HULL_POINTS) for one in pieces]
     solid = [one for one in hulls if _has_volume(one)]
     if not solid and not len(taxels):
@@ -226,10 +226,12 @@ def _has_volume(corners: FloatArray) -> bool:
     return bool(np.linalg.svd(corners - corners.mean(axis=0), compute_uv=False)[-1] > 1e-4)
 
 
-def _clusters(points: FloatArray, count: int) -> list[FloatArray]:
-    """Points (n, 3) in groups that lie together."""
+def _clusters(points: FloatArray, count: int) -> list[IntArray]:
+    """Rows of points (n, 3) in groups that lie together."""
+    if count == 1:
+        return [np.arange(len(points))]
     _, label = kmeans2(points, count, minit="++", seed=0)
-    return [points[label == one] for one in np.unique(label)]
+    return [np.flatnonzero(label == one) for one in np.unique(label)]
 
 
 def extreme_points(points: FloatArray, count: int) -> FloatArray:
@@ -277,12 +279,8 @@ def plates(skin: Skin) -> list[IntArray]:
     found = []
     for module in np.unique(skin.modules):
         rows = np.flatnonzero(skin.modules == module)
-        count = -(-len(rows) // PLATE)
-        if count == 1:
-            found.append(rows)
-            continue
-        _, label = kmeans2(skin.positions[rows], count, minit="++", seed=0)
-        found += [rows[label == one] for one in np.unique(label)]
+        some = _clusters(skin.positions[rows], -(-len(rows) // PLATE))
+        found += [rows[one] for one in some]
     return found
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -95,29 +96,21 @@ def candidates(
     rest = robot.body.poses({})
     found = []
     for link in links:
-        try:
+        mesh = None
+        with suppress(SkinError):  # of another link than the part's, perhaps; `inspect` names it
             mesh = robot.mesh(link)
-        except SkinError:  # of another link than the part's, perhaps; `inspect` names it
-            mesh = None
-        if mesh is not None and not len(mesh.faces):
-            mesh = None
+        mesh = mesh if mesh is not None and len(mesh.faces) else None
         # As when a manifest without `frame` is read.
         frames = [frame for frame in (link, link + DH_SUFFIX) if frame in rest]
+        moves = [np.linalg.inv(rest[link]) @ rest[frame] for frame in frames]
         for unit in units:
-            off = None
+            laid = []
             if mesh is not None:
-                moved = (np.linalg.inv(rest[link]) @ rest[frame] for frame in frames)
-                off = min(
-                    (
-                        closest_on_mesh(
-                            transform_points(T_link_frame, some * UNITS[unit]),
-                            mesh.vertices,
-                            mesh.faces,
-                        )[0]
-                        for T_link_frame in moved
-                    ),
-                    key=np.median,
-                )
+                moved = [
+                    transform_points(T_link_frame, some * UNITS[unit]) for T_link_frame in moves
+                ]
+                laid = [closest_on_mesh(one, mesh.vertices, mesh.faces)[0] for one in moved]
+            off = min(laid, key=np.median, default=None)
             found.append(
                 Candidate(
                     part=part,

@@ -112,16 +112,18 @@ class UrdfBody:
             if name not in known:
                 raise UnknownNameError("joint", name, known)
         found: dict[str, FloatArray] = {}
-        for link in self._links:
-            way = [link]
-            while way[-1] not in found and way[-1] in self._tree:
-                way.append(self._tree[way[-1]].parent)
-            found.setdefault(way[-1], np.eye(4))
-            for below in reversed(way[:-1]):
-                joint = self._tree[below]
-                angle = joint.factor * float(angles.get(joint.driver, 0.0)) + joint.offset
-                found[below] = found[joint.parent] @ joint_transform(joint, angle)
-        return {link: found[link] for link in self._links}
+
+        def pose(link: str) -> FloatArray:
+            if link not in found:
+                joint = self._tree.get(link)
+                if joint is None:
+                    found[link] = np.eye(4)
+                else:
+                    angle = joint.factor * float(angles.get(joint.driver, 0.0)) + joint.offset
+                    found[link] = pose(joint.parent) @ joint_transform(joint, angle)
+            return found[link]
+
+        return {link: pose(link) for link in self._links}
 
     def inertia(self, link: str) -> tuple[float, FloatArray, FloatArray] | None:
         """Mass [kg], centre (3,) [m] and inertia about it (3, 3) [kg m2]; None where none is said.
@@ -394,24 +396,17 @@ def read_joints(root: Any) -> tuple[dict[str, Joint], list[Movable]]:
         if element.get("type") in KINDS and not children(element, "mimic")
     ]
     names = {one.name for one in moved}
-    joints = {
-        children(element, "child")[0].get("link"): _joint(element, names) for element in elements
-    }
+    joints = {_said(element, "child", "link"): _joint(element, names) for element in elements}
     return joints, moved
 
 
 def _link(element: Any) -> Link:
     shapes = tuple(_shape(visual) for visual in children(element, "visual"))
-    said = children(element, "inertial")
-    if not said:
-        return Link(shapes)
-    mass, inertia = children(said[0], "mass"), children(said[0], "inertia")
-    return Link(
-        shapes,
-        float(mass[0].get("value", 0.0)) if mass else None,
-        _origin(said[0]),
-        _tensor(inertia[0]) if inertia else np.zeros((3, 3)),
-    )
+    for inertial in children(element, "inertial"):
+        mass, inertia = _said(inertial, "mass", "value"), children(inertial, "inertia")
+        tensor = _tensor(inertia[0]) if inertia else np.zeros((3, 3))
+        return Link(shapes, None if mass is None else float(mass), _origin(inertial), tensor)
+    return Link(shapes)
 
 
 def _tensor(element: Any) -> FloatArray:
@@ -436,40 +431,39 @@ def _shape(visual: Any) -> Shape:
 
 def _joint(element: Any, moved: set[str]) -> Joint:
     kind = KINDS.get(element.get("type"), "fixed")
-    axis, mimic = children(element, "axis"), children(element, "mimic")
-    name = element.get("name")
-    driver, factor, offset = ("" if kind == "fixed" else name), 1.0, 0.0
-    if kind != "fixed" and mimic:
-        driver = mimic[0].get("joint") if mimic[0].get("joint") in moved else ""
-        factor = float(mimic[0].get("multiplier", 1.0))
-        offset = float(mimic[0].get("offset", 0.0))
+    name, factor, offset = element.get("name"), 1.0, 0.0
+    driver = _said(element, "mimic", "joint", name)
+    if kind != "fixed":
+        factor = float(_said(element, "mimic", "multiplier", 1.0))
+        offset = float(_said(element, "mimic", "offset", 0.0))
     return Joint(
         name,
-        children(element, "parent")[0].get("link"),
+        _said(element, "parent", "link"),
         kind,
         _origin(element),
-        _numbers(axis[0].get("xyz", "1 0 0") if axis else "1 0 0"),
-        driver,
+        _numbers(_said(element, "axis", "xyz", "1 0 0")),
+        driver if kind != "fixed" and driver in moved else "",
         factor,
         offset,
     )
 
 
 def _limits(element: Any) -> tuple[float, float] | None:
-    limit = children(element, "limit")
-    if not limit or limit[0].get("lower") is None or limit[0].get("upper") is None:
-        return None
-    return float(limit[0].get("lower")), float(limit[0].get("upper"))
+    lower, upper = (_said(element, "limit", end) for end in ("lower", "upper"))
+    return None if lower is None or upper is None else (float(lower), float(upper))
 
 
 def _origin(element: Any) -> FloatArray:
     """(4, 4) of an element's <origin>: turned about the fixed x, y, then z."""
     place = np.eye(4)
-    said = children(element, "origin")
-    if said:
-        place[:3, 3] = _numbers(said[0].get("xyz", "0 0 0"))
-        place[:3, :3] = rpy_matrix(_numbers(said[0].get("rpy", "0 0 0")).tolist())
+    place[:3, 3] = _numbers(_said(element, "origin", "xyz", "0 0 0"))
+    place[:3, :3] = rpy_matrix(_numbers(_said(element, "origin", "rpy", "0 0 0")).tolist())
     return place
+
+
+def _said(element: Any, child: str, name: str, default: Any = None) -> Any:
+    """An attribute of the first child of a name; the default where nothing says it."""
+    return next((one.get(name, default) for one in children(element, child)), default)
 
 
 def _numbers(text: str) -> FloatArray:

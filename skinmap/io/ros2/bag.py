@@ -5,7 +5,6 @@ The mapping of `run1` (a folder), `run1.mcap` or `run1.db3` is `run1.map.toml` b
 
 from __future__ import annotations
 
-import tomllib
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -17,17 +16,16 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
 from skinmap.io.mcap.writing import McapRecording
-from skinmap.io.recordings.dumper import together
+from skinmap.io.recordings.dumper import side_by_side
 from skinmap.io.recordings.recorded_stream import (
     Kind,
     RecordedStream,
-    StreamInfo,
-    measured_rate,
     seconds_of,
 )
 from skinmap.io.robots.manifest import load_robot
+from skinmap.io.ros2.message_types import nanoseconds_of
 from skinmap.io.ros2.messages import points_of
-from skinmap.io.text import read_text
+from skinmap.io.text import read_toml
 from skinmap.skin.robot import Robot
 from skinmap.validation import checked, toml_table
 
@@ -99,18 +97,8 @@ def read_bag(bag: Path) -> RecordedStream:
     """
     mapping = read_bag_mapping(mapping_of(bag))
     read = _read_topics(bag, mapping)
-    held = together({part: (*one, "") for part, one in read.items()}, bag)
-    columns = [held[one.name][1] for one in mapping.part]
-    times = held[mapping.part[0].name][0]
-    info = StreamInfo(
-        bag.name,
-        tuple(one.name for one in mapping.part),
-        tuple(values.shape[1] for values in columns),
-        measured_rate(times),
-        mapping.kind,
-        mapping.robot,
-    )
-    return RecordedStream(info, times, np.concatenate(columns, axis=1))
+    parts = {one.name: (*read[one.name], "") for one in mapping.part}
+    return side_by_side(bag.name, parts, mapping.kind, mapping.robot, bag)
 
 
 def read_bag_mapping(path: Path) -> _Mapping:
@@ -126,11 +114,9 @@ def read_bag_mapping(path: Path) -> _Mapping:
             path, "the mapping file of a bag: which topic is which part (docs/tools.md)"
         )
     fail = partial(DataFormatError, path=path)
-    try:
-        table = tomllib.loads(read_text(path))
-    except (ValueError, RecursionError) as error:  # huge numbers, deep nests are no TOML errors
-        raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
-    mapping = checked(table, _Mapping, what="the mapping file", fail=fail, called=toml_table)
+    mapping = checked(
+        read_toml(path), _Mapping, what="the mapping file", fail=fail, called=toml_table
+    )
     names = [one.name for one in mapping.part]
     if len(set(names)) < len(names):
         raise DataFormatError(f"each part once, got {', '.join(names)}", path)
@@ -182,7 +168,7 @@ def _stamp(message: Any, log: int, time: str) -> int:
     header = getattr(message, "header", None)
     if time == "log" or header is None:
         return log
-    return int(header.stamp.sec) * 1_000_000_000 + int(header.stamp.nanosec) or log
+    return nanoseconds_of(header) or log
 
 
 def _row(message: Any, one: _Topic, bag: Path) -> NDArray[Any]:

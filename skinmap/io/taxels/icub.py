@@ -50,13 +50,14 @@ def read_icub(path: Path) -> TaxelTable:
     channels = np.flatnonzero(values[:, :3].any(axis=1))
     if len(channels) == 0:
         raise DataFormatError("no placed taxel: every row is zero", path)
+    name = re.search(r"(?:^|\s)name\s+(\S+)", " ".join(lines[:start]))
     return TaxelTable(
         channels,
         channels // CHANNELS_PER_MODULE,
         values[channels, :3],
         values[channels, 3:],
         _representatives(lines[:start], len(values), path)[channels],
-        _word(" ".join(lines[:start]), "name"),
+        name.group(1) if name else "",
     )
 
 
@@ -72,8 +73,3 @@ def _representatives(head: list[str], rows: int, path: Path) -> IntArray:
         values = parse_whole(words, path, line)[:rows]
         stated[: len(values)] = values
     return stated
-
-
-def _word(head: str, key: str) -> str:
-    found = re.search(rf"(?:^|\s){key}\s+(\S+)", head)
-    return found.group(1) if found else ""

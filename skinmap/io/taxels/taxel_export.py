@@ -47,7 +47,7 @@ def write_icub(table: TaxelTable, path: Path, *, name: str | None = None) -> Non
     if len(word.split()) != 1 or not word.isprintable():
         raise OutputError(f"an iCub file needs a name of one word, got {word!r}")
     _check_icub(table)
-    rows = _rows_of_strips(table)
+    rows = (int(table.channels[-1]) // CHANNELS_PER_STRIP + 1) * CHANNELS_PER_STRIP
     values = np.zeros((rows, 6))
     values[table.channels] = np.column_stack([table.positions, table.normals])
     representatives = " ".join(str(value) for value in _representatives(table, rows))
@@ -80,11 +80,6 @@ def _check_icub(table: TaxelTable) -> None:
             f"channel {table.channels[zero][0]} lies in the origin, which means 'no taxel' in an "
             f"iCub file; write csv"
         )
-
-
-def _rows_of_strips(table: TaxelTable) -> int:
-    strips = int(table.channels[-1]) // CHANNELS_PER_STRIP + 1
-    return strips * CHANNELS_PER_STRIP
 
 
 def _representatives(table: TaxelTable, rows: int) -> IntArray:

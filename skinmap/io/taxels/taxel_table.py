@@ -64,10 +64,14 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
         for row in reader:
             if row:  # without a channel: its row; without a module or a normal: zeros
                 whole = [float(len(values) // len(COLUMNS)), *[0.0] * (len(COLUMNS) - 1)]
-                given = _parsed(row, names, path, reader.line_num)
-                for place, number in zip(places, given, strict=False):
+                line = reader.line_num
+                if len(row) != len(names):
+                    raise DataFormatError(
+                        f"expected {len(names)} columns, got {len(row)}", path, line
+                    )
+                for place, number in zip(places, parse_floats(row, path, line), strict=False):
                     whole[place] = number
-                _check_numbers(whole, path, reader.line_num)
+                _check_numbers(whole, path, line)
                 values.extend(whole)
     except csv.Error as error:
         raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
@@ -80,12 +84,6 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
         )
     except InvalidArrayError as error:
         raise DataFormatError(str(error), path) from None
-
-
-def _parsed(row: list[str], names: tuple[str, ...], path: Path, line: int) -> list[float]:
-    if len(row) != len(names):
-        raise DataFormatError(f"expected {len(names)} columns, got {len(row)}", path, line)
-    return parse_floats(row, path, line)
 
 
 def _check_numbers(whole: list[float], path: Path, line: int) -> None:
@@ -116,13 +114,18 @@ def write_csv(table: TaxelTable, path: Path) -> None:
     >>> bool((read_taxels(Path("hand.csv")).positions == table.positions).all())
     True
     """
+    path.write_text(csv_text(table), encoding="utf-8")
+
+
+def csv_text(table: TaxelTable) -> str:
+    """A table as `write_csv` writes it."""
     lines = [",".join(COLUMNS)]
     for channel, module, position, normal in zip(
         table.channels, table.modules, table.positions, table.normals, strict=True
     ):
         numbers = ",".join(repr(float(value)) for value in (*position, *normal))
         lines.append(f"{channel},{module},{numbers}")
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return "\n".join(lines) + "\n"
 
 
 Reader = Callable[[Path], TaxelTable]

@@ -98,30 +98,21 @@ class ContactForce:
     def plain(self) -> dict[str, Any]:
         """For JSON: numbers in the units of their names, null where there is no answer."""
 
-        def ends(of: Interval, scale: float = 1.0) -> list[float] | None:
-            return None if self.refused else [scale * of.low, scale * of.high]
+        def told(name: str, of: Interval, scale: float = 1.0) -> dict[str, Any]:
+            return {name: scale * of.value, f"{name}_90": [scale * of.low, scale * of.high]}
 
-        def number(value: float) -> float | None:
-            return None if self.refused else value
-
-        def numbers(values: FloatArray) -> list[float] | None:
-            return None if self.refused else values.tolist()
-
-        return {
-            "force_n": number(self.force.value),
-            "force_n_90": ends(self.force),
-            "vector_n": numbers(self.vector),
-            "moment_nm": numbers(self.moment),
-            "normal": numbers(self.normal),
-            "centre_m": numbers(self.centre),
-            "area_mm2": number(1e6 * self.area.value),
-            "area_mm2_90": ends(self.area, 1e6),
-            "mean_kpa": number(1e-3 * self.mean.value),
-            "mean_kpa_90": ends(self.mean, 1e-3),
-            "peak_kpa": number(1e-3 * self.peak.value),
-            "peak_kpa_90": ends(self.peak, 1e-3),
-            "refused": self.refused,
+        found = {
+            **told("force_n", self.force),
+            "vector_n": self.vector.tolist(),
+            "moment_nm": self.moment.tolist(),
+            "normal": self.normal.tolist(),
+            "centre_m": self.centre.tolist(),
+            **told("area_mm2", self.area, 1e6),
+            **told("mean_kpa", self.mean, 1e-3),
+            **told("peak_kpa", self.peak, 1e-3),
         }
+        known = dict.fromkeys(found) if self.refused else found
+        return {**known, "refused": self.refused}
 
 
 class PartForces:
@@ -132,8 +123,6 @@ class PartForces:
     skin : PreparedSkin
     answered : (n,) bool, optional
         Taxels whose pressure is known; all by default. Neighbours stand for the others.
-    spread : float
-        Of a pressure through the foam, standard deviation [m].
     areas : FloatArray
         Plain areas of the taxels [m2].
     weights : (n,) float
@@ -142,9 +131,7 @@ class PartForces:
         Force on the skin [m2], and its moment about the origin of the link [m3], for a pressure.
     """
 
-    def __init__(
-        self, skin: PreparedSkin, answered: BoolArray | None = None, *, spread: float = SPREAD
-    ) -> None:
+    def __init__(self, skin: PreparedSkin, answered: BoolArray | None = None) -> None:
         n = len(skin)
         self.answered = np.ones(n, bool) if answered is None else np.asarray(answered, bool)
         if self.answered.shape != (n,):
@@ -152,7 +139,7 @@ class PartForces:
         self.skin, self.areas = skin, skin.geometry.areas
         bed = spring_bed(skin.skin, skin.mesh)
         own = np.flatnonzero(self.answered)
-        feels = csr_array(bed.spread(spread)[own])
+        feels = csr_array(bed.spread(SPREAD)[own])
         moments = np.cross(bed.places, bed.normals)
         wanted = np.column_stack([np.ones(len(bed.places)), -bed.normals, -moments])
         normals, places = skin.skin.normals[own], skin.skin.positions[own]

@@ -156,7 +156,8 @@ class RolledWay:
     def __init__(self, spacing: float) -> None:
         self.spacing = spacing
         self._passed = 0.0  # of the smoothed way [m]
-        self._last = (0.0, 0.0)
+        # Places in the plane, as complex numbers [m]: of the last sample, and where it is laid to.
+        self._last = self._at = 0j
         self.gone = [0.0, 0.0]  # up and to the right, in sum [m]
         self.speeds: deque[tuple[float, float]] = deque(maxlen=PLACES)
         self._moved = False
@@ -168,66 +169,52 @@ class RolledWay:
         self._axes: tuple[Triple, Triple] = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         self._centre: Triple = (0.0, 0.0, 0.0)
         self._normal: Triple = (0.0, 0.0, 0.0)
-        self._at = (0.0, 0.0)
-        self._smooth = self._anchor = (0.0, 0.0)
+        self._smooth = self._anchor = 0j
         self._velocity: tuple[FloatArray, float] | None = None
 
-    def add(self, time: float, centre: Triple, normal: Triple, load: float) -> None:
-        """Follow the centre [m] of a touch whose skin faces along a normal."""
+    def add(self, time: float, centre: Triple, normal: Triple, load: float) -> Triple | None:
+        """Follow the centre [m] of a touch whose skin faces along a normal.
+
+        Returns
+        -------
+        tuple of 3 float or None
+            By how much the plane was laid further, in the link's frame [m]; None where it was not.
+        """
         self._heaviest = max(self._heaviest, load)
         if not self._ways:
             self._axes = tangent_frames(np.array(normal)).tolist()
             self._centre, self._normal = centre, normal
         elif load < DRAWING * self._heaviest:
-            return  # what lets go draws no way
-        x, y = self._rolled(centre, normal)
-        step = math.hypot(x - self._at[0], y - self._at[1])
+            return None  # what lets go draws no way
+        before, place = self._at, self._rolled(centre, normal)
+        step = _size(place - before)
         past = time - self._ways[-1][0] if self._ways else 0.0
         if past > 0 and step > FASTEST * past + 0.5 * self.spacing:
-            # A contact came or went: the plane is moved on instead.
-            x, y = self._at
-            self._begin_at(centre, normal, self._at)
+            place = before  # a contact came or went: the plane is moved on instead
+            self._begin_at(centre, normal, place)
         elif step >= LAID:
-            self._begin_at(centre, normal, (x, y))
+            self._begin_at(centre, normal, place)
         if len(self._ways) == 2 * PLACES:
             self._rows[:, :PLACES] = self._rows[:, PLACES:]
             del self._ways[:PLACES]
             self._first = max(0, self._first - PLACES)
-        self._lengthen(x, y, past)
-        self._rows[:, len(self._ways)] = time, x, y
-        self._ways.append((time, self._passed))
-        self._last = (x, y)
-        self._velocity = None
-
-    def _lengthen(self, x: float, y: float, past: float) -> None:
-        share = -math.expm1(-past / SMOOTH)
-        self._smooth = (
-            self._smooth[0] + share * (x - self._smooth[0]),
-            self._smooth[1] + share * (y - self._smooth[1]),
-        )
-        step = math.hypot(self._smooth[0] - self._anchor[0], self._smooth[1] - self._anchor[1])
-        if step >= STRIDE * self.spacing:
-            self._passed += step
+        self._smooth -= math.expm1(-past / SMOOTH) * (place - self._smooth)
+        stride = _size(self._smooth - self._anchor)
+        if stride >= STRIDE * self.spacing:
+            self._passed += stride
             self._anchor = self._smooth
+        self._rows[:, len(self._ways)] = time, place.real, place.imag
+        self._ways.append((time, self._passed))
+        self._last = place
+        self._velocity = None
+        laid, (a, b) = self._at - before, self._axes
+        x, y, z = (laid.real * one + laid.imag * other for one, other in zip(a, b, strict=True))
+        return (x, y, z) if laid else None
 
     @property
     def length(self) -> float:
         """Of the way: the smoothed one, and from its last step to the last place [m]."""
-        x, y = self._last
-        return self._passed + math.hypot(x - self._anchor[0], y - self._anchor[1])
-
-    @property
-    def at(self) -> tuple[float, float]:
-        """Place in the plane up to which it is laid [m]."""
-        return self._at
-
-    def step_to(self, before: tuple[float, float]) -> Triple | None:
-        """The step since an earlier place, in the link's frame [m]; None where there was none."""
-        x, y = self._at[0] - before[0], self._at[1] - before[1]
-        if x == 0.0 and y == 0.0:
-            return None
-        a, b = self._axes
-        return x * a[0] + y * b[0], x * a[1] + y * b[1], x * a[2] + y * b[2]
+        return self._passed + _size(self._last - self._anchor)
 
     def velocity(self) -> tuple[FloatArray, float]:
         """Velocity (3,) and its standard error [m/s]: a line through the last places.
@@ -291,24 +278,16 @@ class RolledWay:
         self._first = first
         return first
 
-    def _rolled(self, centre: Triple, normal: Triple) -> tuple[float, float]:
+    def _rolled(self, centre: Triple, normal: Triple) -> complex:
         """Place in the plane of a centre one step further."""
-        step = (
-            centre[0] - self._centre[0], centre[1] - self._centre[1], centre[2] - self._centre[2]
-        )  # fmt: skip
-        length = math.hypot(*step)
-        if length == 0:
-            return self._at
-        a, b = self._axes
-        c, d = self._carried(normal)
-        x, y = dot(a, step) + dot(c, step), dot(b, step) + dot(d, step)
-        flat = math.hypot(x, y)
-        if flat == 0:
-            return self._at
-        scale = length / flat
-        return self._at[0] + scale * x, self._at[1] + scale * y
+        (u, v, w), (x, y, z) = centre, self._centre
+        step = u - x, v - y, w - z
+        (a, b), (c, d) = self._axes, self._carried(normal)
+        flat = complex(dot(a, step) + dot(c, step), dot(b, step) + dot(d, step))
+        size = _size(flat)
+        return self._at + math.hypot(*step) / size * flat if size else self._at
 
-    def _begin_at(self, centre: Triple, normal: Triple, at: tuple[float, float]) -> None:
+    def _begin_at(self, centre: Triple, normal: Triple, at: complex) -> None:
         self._axes = self._carried(normal)
         self._centre, self._normal, self._at = centre, normal, at
 
@@ -327,6 +306,10 @@ class RolledWay:
             return axis[0] - along * m[0], axis[1] - along * m[1], axis[2] - along * m[2]
 
         return turned(self._axes[0]), turned(self._axes[1])
+
+
+def _size(way: complex) -> float:
+    return math.hypot(way.real, way.imag)
 
 
 def _line(rows: FloatArray) -> tuple[tuple[float, float], FloatArray, float]:
@@ -414,9 +397,7 @@ class MotionBook:
         way = self.ways.get(number)
         if way is None:
             way = self.ways[number] = RolledWay(self._spacing[part])
-        before = way.at
-        way.add(time, centre, normal, load)
-        step = way.step_to(before)
+        step = way.add(time, centre, normal, load)
         if step is not None:
             up, right = self._axes_at(part, normal)
             way.gone[0] += dot(step, up)

@@ -12,7 +12,6 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.surface_path import SurfaceWalker
-from skinmap.live.contacts.contact_events import ContactEvent, Happening
 from skinmap.live.contacts.followed_contact import (
     LANDED,
     NEAR,
@@ -21,9 +20,11 @@ from skinmap.live.contacts.followed_contact import (
     SAMPLES,
     SETTLED,
     Cutter,
+    Pieces,
     Track,
     claim,
 )
+from skinmap.live.contacts.named_touch import ContactEvent, Happening
 from skinmap.live.contacts.sample_contacts import RELEASE, Components, measure
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts.skin_geometry import ACTIVE
@@ -120,66 +121,51 @@ class ContactTracker:
         row = np.full(len(index), -1, np.int64)
         self._calm = True
         if len(index):
-            component = self._components.label(index)
-            claims, splinters, orphans = claim(
-                component, self._owner[index], pressures, len(self.tracks)
-            )
+            pieces = Pieces(time, index, pressures, self._components.label(index), row)
+            claims, splinters, orphans = claim(pieces, self._owner[index], len(self.tracks))
             for piece, claimants in claims.items():
-                inside = np.flatnonzero(component == piece)
+                inside = np.flatnonzero(pieces.component == piece)
+                own = pieces.only(inside)
                 if len(claimants) == 1:
-                    row[inside] = self._parted(time, claimants[0], index[inside], pressures[inside])
+                    row[inside] = self._parted(own, claimants[0])
                 else:
                     self._calm = False
-                    own = index[inside]
-                    row[inside] = self._cutter.cut(
-                        time, own, pressures[inside], self.tracks, claimants, self._owner[own]
-                    )
+                    tracks = {number: self.tracks[number] for number in claimants}
+                    row[inside] = self._cutter.cut(own, tracks, self._owner[own.index])
             held = row
             if orphans or splinters or self._apart:
-                self._place_pieces(time, orphans, splinters, component, index, pressures, row)
+                self._place_pieces(pieces, orphans, splinters)
                 held = row.copy()
                 for piece, parent in splinters.items():
-                    held[(component == piece) & (row < 0)] = parent
+                    held[(pieces.component == piece) & (row < 0)] = parent
             self._own(index, held)
         for number, track in enumerate(self.tracks):
             track.taxels = index[row == number]
         return row
 
-    def _place_pieces(
-        self,
-        time: float,
-        orphans: list[int],
-        splinters: dict[int, int],
-        component: IntArray,
-        index: IntArray,
-        pressures: FloatArray,
-        row: IntArray,
-    ) -> None:
-        """Find the contacts of pieces that belong to none or lie apart; `row` (k,) changes."""
-        areas = np.bincount(component, self.skin.areas[index])
-        large = [piece for piece in orphans if areas[piece] >= PRINT]
-        self._adopt(time, large, component, index, pressures, row)
+    def _place_pieces(self, pieces: Pieces, orphans: list[int], splinters: dict[int, int]) -> None:
+        """Find the contacts of pieces that belong to none or lie apart; `pieces.row` changes."""
+        areas = np.bincount(pieces.component, self.skin.areas[pieces.index])
+        self._adopt(pieces, [piece for piece in orphans if areas[piece] >= PRINT])
         # Not two new contacts of one finger: each small piece sees those before it.
         for piece in orphans:
-            if areas[piece] < PRINT and not self._broken_off(component == piece, index, row):
-                self._adopt(time, [piece], component, index, pressures, row)
+            if areas[piece] < PRINT and not self._broken_off(pieces, piece):
+                self._adopt(pieces, [piece])
         apart = {
             piece: parent
             for piece, parent in splinters.items()
-            if areas[piece] >= PRINT or not self._broken_off(component == piece, index, row)
+            if areas[piece] >= PRINT or not self._broken_off(pieces, piece)
         }
-        self._part(time, apart, component, index, row)
+        self._part(pieces, apart)
         self._apart = bool(apart)
 
-    def _parted(
-        self, time: float, number: int, taxels: IntArray, pressures: FloatArray
-    ) -> int | IntArray:
+    def _parted(self, own: Pieces, number: int) -> int | IntArray:
         """Row in `tracks` of the taxels (k,) of one contact, in which a saddle may have settled."""
-        track = self.tracks[number]
+        time, taxels, track = own.time, own.index, self.tracks[number]
         if time - track.looked < LOOK:
             self._calm &= not track.saddle
             return number
-        part = self._cutter.fingers(taxels, pressures, PARTED)
+        part = self._cutter.fingers(taxels, own.pressures, PARTED)
         before, track.saddle, track.looked = track.saddle, bool(part.any()), time
         self._calm &= not track.saddle
         if not (before and track.saddle):
@@ -189,8 +175,7 @@ class ContactTracker:
         stays = part[np.einsum("ij,ij->i", away, away).argmin()]
         row = np.full(len(taxels), number)
         for other in np.unique(part[part != stays]).tolist():
-            own = part == other
-            row[own] = self._split(time, number, taxels[own])
+            row[part == other] = self._split(time, number, taxels[part == other])
         return row
 
     def _split(self, time: float, parent: int, taxels: IntArray) -> int:
@@ -200,18 +185,12 @@ class ContactTracker:
         self._tell("split", self.tracks[row], time, self.tracks[parent].identity)
         return row
 
-    def _broken_off(self, own: BoolArray, index: IntArray, row: IntArray) -> bool:
+    def _broken_off(self, pieces: Pieces, piece: int) -> bool:
         """Give a piece smaller than a print to the contact that it lies beside, if any.
 
         Taxels of little gain break a finger's ridge.
-
-        Parameters
-        ----------
-        own : (k,) bool
-            Taxels of the piece.
-        index, row : (k,) int
-            All active taxels, and the contact of each so far; changed.
         """
+        own, index, row = pieces.component == piece, pieces.index, pieces.row
         held = np.flatnonzero(row >= 0)
         patch = self.skin.patch_of[index]
         held = held[patch[held] == patch[own][0]]
@@ -229,21 +208,14 @@ class ContactTracker:
         row[own] = row[held[nearest]]
         return True
 
-    def _adopt(
-        self,
-        time: float,
-        orphans: list[int],
-        component: IntArray,
-        index: IntArray,
-        pressures: FloatArray,
-        row: IntArray,
-    ) -> None:
+    def _adopt(self, pieces: Pieces, orphans: list[int]) -> None:
         """Give new components to tracks that were lost near them, or to new tracks."""
         if not orphans:
             return
+        index, pressures, row = pieces.index, pieces.pressures, pieces.row
         claimed = set(row.tolist())
         lost = [k for k in range(len(self.tracks)) if k not in claimed]
-        inside = [component == piece for piece in orphans]
+        inside = [pieces.component == piece for piece in orphans]
         points = self.skin.positions[index]
         centres = np.stack([np.average(points[own], 0, pressures[own]) for own in inside])
         patches = [int(self.skin.patch_of[index[own][0]]) for own in inside]
@@ -257,8 +229,8 @@ class ContactTracker:
             for one in range(int(finger.max()) + 1):
                 mine = finger == one
                 centre = np.average(points[own][mine], 0, load[mine])
-                row[np.flatnonzero(own)[mine]] = self._begin(time, taxels[mine], centre)
-                self._tell("birth", self.tracks[-1], time)
+                row[np.flatnonzero(own)[mine]] = self._begin(pieces.time, taxels[mine], centre)
+                self._tell("birth", self.tracks[-1], pieces.time)
 
     def _nearest(
         self, lost: Sequence[int], centres: FloatArray, patches: list[int]
@@ -288,29 +260,19 @@ class ContactTracker:
         away = self.skin.positions[same] - centre
         return int(same[np.einsum("ij,ij->i", away, away).argmin()])
 
-    def _part(
-        self,
-        time: float,
-        splinters: dict[int, int],
-        component: IntArray,
-        index: IntArray,
-        row: IntArray,
-    ) -> None:
+    def _part(self, pieces: Pieces, splinters: dict[int, int]) -> None:
         """Pieces that have lain apart from their track for long enough become contacts."""
-        for track in self.tracks:
-            if not np.isnan(track.apart):
-                track.apart = track.apart if self._row_of(track) in splinters.values() else np.nan
+        for number, track in enumerate(self.tracks):
+            if number not in splinters.values():
+                track.apart = np.nan
         for piece, parent in splinters.items():
             self._calm = False
             track = self.tracks[parent]
             if np.isnan(track.apart):
-                track.apart = time
-            if time - track.apart >= self._settled:
-                own = component == piece
-                row[own] = self._split(time, parent, index[own])
-
-    def _row_of(self, track: Track) -> int:
-        return self.tracks.index(track)
+                track.apart = pieces.time
+            if pieces.time - track.apart >= self._settled:
+                own = pieces.component == piece
+                pieces.row[own] = self._split(pieces.time, parent, pieces.index[own])
 
     def _begin(self, time: float, taxels: IntArray, centre: FloatArray) -> int:
         part = int(self.skin.part_of[taxels[0]])

@@ -5,8 +5,9 @@ Several contacts may claim one connected component; which of its taxels are whos
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
@@ -49,8 +50,8 @@ class Track:
     area, load, peak, mean, force : float
         As measured last; force is NaN where nobody knows.
     stroke : Stroke
-    largest, highest, heaviest : float
-        Area, peak and load at their largest.
+    heaviest : float
+        Its load at its largest.
     touch : int
         Number of the touch that it is part of.
     apart : float
@@ -78,8 +79,6 @@ class Track:
     mean: float = 0.0
     force: float = float("nan")
     stroke: Stroke | None = None
-    largest: float = 0.0
-    highest: float = 0.0
     heaviest: float = 0.0
     touch: int = -1
     apart: float = float("nan")
@@ -96,8 +95,6 @@ class Track:
         self.peak, self.mean = float(found.peak[place]), float(found.mean[place])
         if found.force is not None:
             self.force = float(found.force[place])
-        self.largest = max(self.largest, self.area)
-        self.highest = max(self.highest, self.peak)
         face = int(found.face[place])
         grown = False
         if self.stroke is None or time - self.began < SETTLED:
@@ -146,6 +143,25 @@ class Stroke:
         return np.array(self._points)
 
 
+@dataclass(eq=False, slots=True)
+class Pieces:
+    """The k active taxels of a sample at a time [s]: pressures, component and contact of each.
+
+    `row` is -1 where a taxel is nobody's yet.
+    """
+
+    time: float
+    index: IntArray
+    pressures: FloatArray
+    component: IntArray
+    row: IntArray
+
+    def only(self, some: IntArray) -> Pieces:
+        """Some of the taxels."""
+        own = (self.index[some], self.pressures[some], self.component[some], self.row[some])
+        return Pieces(self.time, *own)
+
+
 class Cutter:
     """Cuts a component that several contacts claim, along the valleys between them."""
 
@@ -164,15 +180,7 @@ class Cutter:
             if ended is not None and not ended & set(pair)
         }
 
-    def cut(
-        self,
-        time: float,
-        index: IntArray,
-        pressures: FloatArray,
-        tracks: Sequence[Track],
-        claimants: list[int],
-        owner: IntArray,
-    ) -> IntArray:
+    def cut(self, own: Pieces, claimants: Mapping[int, Track], owner: IntArray) -> IntArray:
         """(k,) track of each taxel of a component that several tracks claim.
 
         Every summit goes to the track that had it, or to the nearest. Two tracks without a valley
@@ -180,32 +188,27 @@ class Cutter:
 
         Parameters
         ----------
-        time : float
-            [s].
-        index : (k,) int
-            Taxels of the component.
-        pressures : (k,) float
-        tracks : sequence of Track
-        claimants : list of int
-            Which of the tracks claim it.
+        own : Pieces
+            The component.
+        claimants : mapping of int to Track
+            The tracks that claim it, by their rows.
         owner : (k,) int
             Track that each taxel was part of, -1 for none.
         """
-        beside = self._components.local(index)
-        summit = basins(beside, pressures)
-        tops = np.unique(summit)
-        centres = np.stack([tracks[row].centre for row in claimants])
-        away = self._positions[index[tops], None] - centres
+        beside = self._components.local(own.index)
+        summit = basins(beside, own.pressures)
+        tops, numbers = np.unique(summit), np.array(list(claimants))
+        centres = np.stack([track.centre for track in claimants.values()])
+        away = self._positions[own.index[tops], None] - centres
         nearest = np.einsum("tcj,tcj->tc", away, away).argmin(axis=1)
         owned = owner[tops]
-        goes = np.array(claimants)[nearest]
-        goes = np.where(np.isin(owned, claimants), owned, goes)
-        row = goes[np.searchsorted(tops, summit)]
-        self._keep_flat(time, index, row, tracks, claimants, centres)
-        for younger, older in self._joined(time, index, beside, pressures, row, tracks, claimants):
-            row[row == younger] = older
-            tracks[younger].into = tracks[older].identity
-        return row
+        goes = np.where(np.isin(owned, numbers), owned, numbers[nearest])
+        own.row = goes[np.searchsorted(tops, summit)]
+        self._keep_flat(own, claimants, centres)
+        for younger, older in self._joined(own, beside, claimants):
+            own.row[own.row == younger] = older
+            claimants[younger].into = claimants[older].identity
+        return own.row
 
     def fingers(self, index: IntArray, pressures: FloatArray, depth: float) -> IntArray:
         """(k,) which contact each taxel of one component is part of, 0 where it is a single one.
@@ -260,71 +263,55 @@ class Cutter:
         half = 0.5 * np.arccos(np.clip(self._normals[some] @ self._normals[one], -1.0, 1.0))
         return np.asarray(straight / np.sinc(half / np.pi))
 
-    def _keep_flat(
-        self,
-        time: float,
-        index: IntArray,
-        row: IntArray,
-        tracks: Sequence[Track],
-        claimants: list[int],
-        centres: FloatArray,
-    ) -> None:
+    def _keep_flat(self, own: Pieces, claimants: Mapping[int, Track], centres: FloatArray) -> None:
         """Let contacts live on for a while whose summit is hidden by the gains of the taxels.
 
         They keep what lies nearest to their centre; not those that landed just now, nor those
         within a finger's width of another.
         """
-        for place, number in enumerate(claimants):
-            track = tracks[number]
-            if (row == number).any():
+        for place, (number, track) in enumerate(claimants.items()):
+            if (own.row == number).any():
                 track.flat = np.nan
                 continue
-            track.flat = time if np.isnan(track.flat) else track.flat
+            track.flat = own.time if np.isnan(track.flat) else track.flat
             gaps = np.linalg.norm(np.delete(centres, place, axis=0) - centres[place], axis=1)
-            landing = time - track.began < self.settled
-            if gaps.min() < CLOSE or landing or time - track.flat >= HIDDEN:
+            landing = own.time - track.began < self.settled
+            if gaps.min() < CLOSE or landing or own.time - track.flat >= HIDDEN:
                 continue
-            away = self._positions[index][:, None] - centres
-            row[np.einsum("tcj,tcj->tc", away, away).argmin(axis=1) == place] = number
+            away = self._positions[own.index][:, None] - centres
+            own.row[np.einsum("tcj,tcj->tc", away, away).argmin(axis=1) == place] = number
 
     def _joined(
-        self,
-        time: float,
-        index: IntArray,
-        beside: IntArray,
-        pressures: FloatArray,
-        row: IntArray,
-        tracks: Sequence[Track],
-        claimants: list[int],
+        self, own: Pieces, beside: IntArray, claimants: Mapping[int, Track]
     ) -> list[tuple[int, int]]:
         """Pairs (younger, older) of tracks in one component that are one contact from now on."""
+        time, row, pressures = own.time, own.row, own.pressures
         other = row[beside]
         border = other != row[:, None]
         pass_height = np.minimum(pressures[:, None], pressures[beside])
         joined = []
-        by_age = sorted(claimants, key=lambda one: tracks[one].identity)
-        palm = float(self._areas[index].sum()) > PALM
-        for place, older in enumerate(by_age):
-            for younger in by_age[place + 1 :]:
-                pair = (tracks[older].identity, tracks[younger].identity)
-                if not (row == younger).any() or not (row == older).any():
-                    joined.append((younger, older))  # no summit is left of one of them
-                    continue
-                between = border & (row[:, None] == older) & (other == younger)
-                if not between.any():
-                    continue
-                hand = palm and tracks[younger].began - tracks[older].began <= GRIP
-                valley, reach = (ISLANDS, SPAN) if hand else (VALLEY, CLOSE)
-                lower = min(pressures[row == older].max(), pressures[row == younger].max())
-                if pass_height[between].max() <= valley * lower:
-                    self._meeting.pop(pair, None)
-                    continue
-                since = self._meeting.setdefault(pair, time)
-                fresh = time - tracks[younger].began < self.settled
-                gap = tracks[younger].centre - tracks[older].centre
-                close = float(gap @ gap) < reach * reach
-                if fresh or (close and time - since >= self.settled):
-                    joined.append((younger, older))
+        by_age = sorted(claimants, key=lambda one: claimants[one].identity)
+        palm = float(self._areas[own.index].sum()) > PALM
+        for older, younger in combinations(by_age, 2):
+            elder, child = claimants[older], claimants[younger]
+            if not (row == younger).any() or not (row == older).any():
+                joined.append((younger, older))  # no summit is left of one of them
+                continue
+            between = border & (row[:, None] == older) & (other == younger)
+            if not between.any():
+                continue
+            hand = palm and child.began - elder.began <= GRIP
+            valley, reach = (ISLANDS, SPAN) if hand else (VALLEY, CLOSE)
+            lower = min(pressures[row == older].max(), pressures[row == younger].max())
+            pair = (elder.identity, child.identity)
+            if pass_height[between].max() <= valley * lower:
+                self._meeting.pop(pair, None)
+                continue
+            since = self._meeting.setdefault(pair, time)
+            gap = child.centre - elder.centre
+            close = float(gap @ gap) < reach * reach and time - since >= self.settled
+            if close or time - child.began < self.settled:
+                joined.append((younger, older))
         return joined
 
 
@@ -342,17 +329,17 @@ def _saddles(
 
 
 def claim(
-    component: IntArray, owner: IntArray, pressures: FloatArray, tracks: int
+    pieces: Pieces, owner: IntArray, tracks: int
 ) -> tuple[dict[int, list[int]], dict[int, int], list[int]]:
     """Which tracks each component goes on for, pieces off a track, and new components.
 
     A track goes on in the component that bears most load on taxels that were its own.
     """
-    count = int(component.max()) + 1
+    count = int(pieces.component.max()) + 1
     if tracks == 0:
         return {}, {}, list(range(count))
-    key = component * (tracks + 1) + owner + 1
-    shared = np.bincount(key, pressures, minlength=count * (tracks + 1))
+    key = pieces.component * (tracks + 1) + owner + 1
+    shared = np.bincount(key, pieces.pressures, minlength=count * (tracks + 1))
     shared = shared.reshape(count, tracks + 1)[:, 1:]
     main = np.where(shared.max(axis=0) > 0, shared.argmax(axis=0), -1).tolist()
     claims: dict[int, list[int]] = {}

@@ -1,9 +1,10 @@
-"""A touch with its name: what the viewer shows and the commands print."""
+"""A touch with its name, what the viewer shows and the commands print; and what has happened."""
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
@@ -18,8 +19,25 @@ if TYPE_CHECKING:
 UNNAMED = "touch"  # what a touch is called while nobody has named it
 
 
+class _Answered(Summary):
+    """What is answered of a touch, one by one."""
+
+    __slots__ = ()
+    answers: Answers | None
+
+    @property
+    def kind(self) -> Answer | None:
+        """With what."""
+        return None if self.answers is None else self.answers.kind
+
+    @property
+    def hand(self) -> HandAnswer | None:
+        """Whether it is a hand."""
+        return None if self.answers is None else self.answers.hand
+
+
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class NamedTouch(Summary):
+class NamedTouch(_Answered):
     """One touch on one part at one moment.
 
     Attributes
@@ -86,16 +104,6 @@ class NamedTouch(Summary):
         if self.path is not None:
             freeze(self, path=np.asarray(self.path, np.float64))
 
-    @property
-    def kind(self) -> Answer | None:
-        """With what."""
-        return None if self.answers is None else self.answers.kind
-
-    @property
-    def hand(self) -> HandAnswer | None:
-        """Whether it is a hand."""
-        return None if self.answers is None else self.answers.hand
-
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""
         return {
@@ -104,3 +112,131 @@ class NamedTouch(Summary):
             "part": self.part,
             "taxels": len(self.taxels),
         }
+
+
+Event = TypeVar("Event")
+Happening = Literal["birth", "motion", "merge", "split", "end"]
+
+
+@dataclass(frozen=True, slots=True)
+class ContactEvent:
+    """Something that happened to a contact.
+
+    Attributes
+    ----------
+    kind : {"birth", "motion", "merge", "split", "end"}
+    identity : int
+        Of the contact: the new one of a split, the one that is left of a merge.
+    other : int
+        That it came from by a split, or that it swallowed by a merge; -1 else.
+    part : str
+    time : float
+        In the source's clock [s]; of an end, when it was felt last.
+    centre : tuple of 3 float
+        Its centre of pressure then, in the link's frame [m].
+    """
+
+    kind: Happening
+    identity: int
+    other: int
+    part: str
+    time: float
+    centre: tuple[float, float, float]
+
+
+@dataclass(frozen=True, eq=False, slots=True, repr=False)
+class TouchEvent(_Answered):
+    """A touch that is over.
+
+    Attributes
+    ----------
+    identity : int
+    part, label : str
+    confidence : float
+        0 to 1; NaN where no classifier named it.
+    began, ended : float
+        Its first and last sample, in the source's clock [s].
+    area : float
+        Largest touched skin [m2].
+    peak : float
+        Largest pressure of a taxel [counts].
+    path_length : float
+        Way of its centre along the skin [m].
+    centre : (3,) float
+        Where it was last, in the link's frame [m].
+    contacts : int
+        Contacts that were part of it.
+    names : tuple of str, optional
+        Names that hold the truth as often as was promised, where that was asked for.
+    heading : str
+        Where it went in the part's axes: "up", "down", "round left", "round right", "to and fro"
+        or "still".
+    up, right : float
+        How far it came in these axes [m].
+    speed : float
+        While it moved evenly [m/s]; 0 where it stayed.
+    presses : int
+        How often it was pressed: several of taps and pats.
+    period : float
+        Mean time between their beginnings [s]; NaN of a single one.
+    early : str
+        The name that it had while it still went on; empty where it had none. All of it may tell
+        better.
+    early_after : float
+        How long after its beginning that name stood [s].
+    channels : tuple of int
+        Places of its taxels in the live vector of its part, without stuck ones.
+    answers : Answers or None
+        Kind, motion and hand; None where no model gives them.
+    """
+
+    identity: int
+    part: str
+    label: str
+    confidence: float
+    began: float
+    ended: float
+    area: float
+    peak: float
+    path_length: float
+    centre: FloatArray
+    contacts: int
+    names: tuple[str, ...] | None = None
+    heading: str = "still"
+    up: float = 0.0
+    right: float = 0.0
+    speed: float = 0.0
+    presses: int = 1
+    period: float = float("nan")
+    early: str = ""
+    early_after: float = float("nan")
+    channels: tuple[int, ...] = ()
+    answers: Answers | None = None
+
+    def __post_init__(self) -> None:
+        freeze(self, centre=np.asarray(self.centre, np.float64))
+
+    @property
+    def motion(self) -> Answer | None:
+        """How it moved."""
+        return None if self.answers is None else self.answers.motion
+
+    @property
+    def duration(self) -> float:
+        """From the first to the last sample [s]."""
+        return self.ended - self.began
+
+    def facts(self) -> dict[str, object]:
+        """For `repr` and notebooks."""
+        return {
+            "label": self.label,
+            "confidence": f"{self.confidence:.2f}",
+            "part": self.part,
+            "began": f"{self.began:.3f} s",
+            "duration": f"{self.duration:.3f} s",
+        }
+
+
+def taken(queue: deque[Event]) -> list[Event]:
+    """All that waits in a queue, which is empty then; others may add to it meanwhile."""
+    return [queue.popleft() for _ in range(len(queue))]

@@ -26,8 +26,6 @@ class StrokeError:
 
     Attributes
     ----------
-    true_speed : float
-        [m/s].
     speed : float
         Measured over true, less 1; -1 where no motion was seen.
     direction : float
@@ -38,7 +36,6 @@ class StrokeError:
         Share of the velocities that are wrong by no more than twice their stated error.
     """
 
-    true_speed: float
     speed: float
     direction: float
     length: float
@@ -59,10 +56,7 @@ def stroke_errors(skin: PreparedSkin, recording: Recording) -> list[StrokeError]
 
 
 def _followed(
-    joined: JoinedSkin,
-    times: FloatArray,
-    rows: FloatArray,
-    truth: TrueMotion,
+    joined: JoinedSkin, times: FloatArray, rows: FloatArray, truth: TrueMotion
 ) -> StrokeError:
     tracker, book = ContactTracker(joined), MotionBook(joined)
     seen: list[FloatArray] = []
@@ -74,24 +68,19 @@ def _followed(
         if now is not None and np.isfinite(now.error):
             seen.append(np.array([time, *now.velocity, now.error]))
     if 0 not in book.ways or not seen:
-        return StrokeError(truth.speed, -1.0, float("nan"), -1.0, float("nan"))
+        return StrokeError(-1.0, float("nan"), -1.0, float("nan"))
     way, table = book.ways[0], np.array(seen)
+    speed, length = way.speed / truth.speed - 1.0, way.length / truth.length - 1.0
     true, known = _true_velocities(truth, table[:, 0] - LAG)
     table, true = table[known], true[known]
     if len(table) == 0:
-        return StrokeError(truth.speed, way.speed / truth.speed - 1.0, float("nan"),
-                           way.length / truth.length - 1.0, float("nan"))  # fmt: skip
+        return StrokeError(speed, float("nan"), length, float("nan"))
     lengths = np.linalg.norm(table[:, 1:4], axis=1) * np.linalg.norm(true, axis=1)
     cosine = np.einsum("ij,ij->i", table[:, 1:4], true) / np.maximum(lengths, 1e-12)
     angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
     wrong = np.linalg.norm(table[:, 1:4] - true, axis=1)
-    return StrokeError(
-        truth.speed,
-        way.speed / truth.speed - 1.0,
-        float(np.median(angle)),
-        way.length / truth.length - 1.0,
-        float((wrong <= 2.0 * table[:, 4]).mean()),
-    )
+    within = float((wrong <= 2.0 * table[:, 4]).mean())
+    return StrokeError(speed, float(np.median(angle)), length, within)
 
 
 def _true_velocities(truth: TrueMotion, at: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -15,11 +15,10 @@ from skinmap.errors import OutputError
 from skinmap.imports import import_optional
 from skinmap.io.ros2.message_types import definition, full_name
 from skinmap.io.ros2.robot_topics import LATCHED, TF, TYPES, taxel_columns
-from skinmap.live.moment import Moment
 from skinmap.live.network.addresses import HERE, Address, parse_address, warn_if_open
 from skinmap.live.network.network_messages import KINDS
-from skinmap.live.publishing.publish import Publisher, Topic
-from skinmap.live.publishing.ros2_topics import Ros2Topics, stamps
+from skinmap.live.publishing.publish import Topic
+from skinmap.live.publishing.ros2_topics import Ros2Publisher, stamps
 from skinmap.live.sources.source import StreamInfo
 from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import build_surface
@@ -39,7 +38,7 @@ AT_ONCE = 800  # taxels coloured with one sample: more would delay the next one 
 RAMP = np.array([[0.55, 0.57, 0.60], [0.98, 0.80, 0.25], [0.86, 0.15, 0.12]])
 
 
-class FoxglovePublisher(Publisher):
+class FoxglovePublisher(Ros2Publisher):
     """A WebSocket server; see docs/tools.md for its topics.
 
     Parameters
@@ -65,7 +64,7 @@ class FoxglovePublisher(Publisher):
         foxglove = import_optional(
             "foxglove", "Foxglove needs the package foxglove-sdk: pip install 'skinmap[foxglove]'"
         )
-        super().__init__(info, topics)
+        super().__init__(info, topics, robot)
         self._foxglove = foxglove
         where = parse_address(address) if address else Address(HERE, PORT)
         warn_if_open(where, "every machine on the network can read the stream at")
@@ -76,7 +75,6 @@ class FoxglovePublisher(Publisher):
         self._closed = False
         self._kept: dict[str, bytes] = {}  # what is said once, for who comes late
         self._repeated, self._repeats = 0.0, 0
-        self._topics = Ros2Topics(info, robot, self._put)
         # Said before the first sample, so that who subscribes misses none.
         samples = {f"/skin/{topic}": SAMPLES for topic in self.topics if topic in KINDS}
         for topic, kind in {**samples, **({} if robot is None else TYPES)}.items():
@@ -104,21 +102,11 @@ class FoxglovePublisher(Publisher):
             self._scene.forget()
         self._repeated, self._repeats = 0.0, REPEATS
 
-    def send(self, moment: Moment) -> None:
-        """Send a moment, with the robot's pose, and touches with their names."""
-        if not moment.stale:
-            self._topics.moment(moment)
-        super().send(moment)
-
     def _send_samples(self, topic: Topic, times: FloatArray, values: NDArray[Any]) -> None:
-        self._topics.samples(topic, times, values)
+        super()._send_samples(topic, times, values)
         self._repeat()
-        stamp = stamps(times)[-1]
         if self._scene is not None and topic == self.info.kind:
-            self._scene.skin(stamp, values[-1])
-
-    def _send_text(self, topic: Topic, time: float, text: str) -> None:
-        self._topics.text(topic, time, text)
+            self._scene.skin(stamps(times)[-1], values[-1])
 
     def _repeat(self) -> None:
         """Say again what was said once: the app keeps nothing of before it came."""
@@ -128,7 +116,7 @@ class FoxglovePublisher(Publisher):
             for topic, message in list(self._kept.items()):
                 self._channels[topic].log(message)
 
-    def _put(self, topic: str, kind: str, stamp: int, message: bytes) -> None:
+    def _put(self, topic: str, kind: str, message: bytes) -> None:
         with self._lock:
             if topic not in self._channels:
                 self._channels[topic] = self._open(topic, kind)

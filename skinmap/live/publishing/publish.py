@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import threading
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Literal, Protocol, Self
 
 import numpy as np
@@ -38,12 +39,13 @@ publishers: Registry[OpenPublisher] = Registry(
     "skinmap.publishers",
     built_in={
         "foxglove": "skinmap.live.publishing.foxglove_publisher:FoxglovePublisher",
-        "lsl": "skinmap.live.publishing.lsl_publisher:LslPublisher",
-        "zenoh": "skinmap.live.publishing.zenoh_publisher:ZenohPublisher",
-        "zmq": "skinmap.live.publishing.zmq_publisher:ZmqPublisher",
+        "lsl": "skinmap.live.network.lsl_stream:LslPublisher",
+        "zenoh": "skinmap.live.network.zenoh_stream:ZenohPublisher",
+        "zmq": "skinmap.live.network.zmq_stream:ZmqPublisher",
     },
 )
 WAYS = ("lsl:NAME", "zmq:PORT", "zmq:HOST:PORT", "zenoh[:PORT]", "foxglove[:PORT]")
+HEARTBEAT = 0.2  # between two descriptions, so that a dead publisher shows within 1 s [s]
 POLL = 0.2  # so often a silent source lets an interruption through [s]
 
 
@@ -128,13 +130,17 @@ class Publisher(ABC):
         Of the samples.
     topics : sequence of {"raw", "pressure", "contacts", "labels"}
         What to send of a moment.
+    robot : Robot, optional
+        What some ways draw.
     """
 
-    def __init__(self, info: StreamInfo, topics: Sequence[Topic]) -> None:
+    def __init__(
+        self, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None = None
+    ) -> None:
         for topic in topics:
             if topic not in TOPICS:
                 raise UnknownNameError("topic", topic, TOPICS)
-        self.info, self.topics = info, tuple(dict.fromkeys(topics))
+        self.info, self.topics, self.robot = info, tuple(dict.fromkeys(topics)), robot
         self.sent = 0
         self._contacts: tuple[NamedTouch, ...] = ()
         self._labels: tuple[tuple[Any, ...], ...] = ()
@@ -206,6 +212,24 @@ class Publisher(ABC):
         if missing:
             raise SkinMismatchError(f"stream {self.info.name!r} misses {', '.join(missing)}")
         return np.concatenate([np.asarray(values[part]) for part in self.info.parts])[None]
+
+
+def repeated(seconds: float, call: Callable[[], object]) -> Callable[[], None]:
+    """Call a function now and every so many seconds, in a thread; what is returned ends that."""
+    stop = threading.Event()
+
+    def work() -> None:
+        while not stop.is_set():
+            call()
+            stop.wait(seconds)
+
+    def end() -> None:
+        stop.set()
+        thread.join()
+
+    thread = threading.Thread(target=work, name="heartbeat", daemon=True)
+    thread.start()
+    return end
 
 
 def contacts_json(moment: Moment) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from abc import abstractmethod
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -13,61 +14,48 @@ from skinmap.io.ros2.message_types import array_type, encode
 from skinmap.io.ros2.messages import TouchMarker, text_message
 from skinmap.io.ros2.robot_topics import TYPES, RobotTopics, RobotView
 from skinmap.live.moment import Moment
+from skinmap.live.publishing.publish import Publisher, Topic
 from skinmap.live.sources.source import StreamInfo
 from skinmap.skin.robot import Robot
 
 POINTS_HZ = 25.0  # clouds a second: as often as a screen needs
 TEXT = "std_msgs/String"
 
-# Takes topic, type, time [ns] and message.
-Send = Callable[[str, str, int, bytes], None]
 
+class Ros2Publisher(Publisher):
+    """Sends all it gets as messages of ROS 2; clouds, transforms and markers need the robot."""
 
-class Ros2Topics:
-    """Turns what a publisher gets into messages of ROS 2.
-
-    Parameters
-    ----------
-    info : StreamInfo
-    robot : Robot or None
-        What clouds, transforms and markers need.
-    send : callable
-    points_hz : float
-        Clouds a second at most.
-    """
-
-    def __init__(
-        self, info: StreamInfo, robot: Robot | None, send: Send, points_hz: float = POINTS_HZ
-    ) -> None:
-        self._info, self._robot, self._send = info, robot, send
+    def __init__(self, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None) -> None:
+        super().__init__(info, topics, robot)
         self._view: RobotView | None = None
         if robot is not None:
-            topics = RobotTopics(robot, info.parts, info.widths, info.kind)
-            self._view = RobotView(topics, self._shown, points_hz)
+            known = RobotTopics(robot, info.parts, info.widths, info.kind)
+            self._view = RobotView(known, self._shown, POINTS_HZ)
 
-    def samples(self, topic: str, times: FloatArray, values: NDArray[Any]) -> None:
-        """Samples (k, channels) at times (k,) [s]."""
+    @abstractmethod
+    def _put(self, topic: str, kind: str, message: bytes) -> None:
+        """Send a message of a type on a topic."""
+
+    def send(self, moment: Moment) -> None:
+        """Send a moment, with the robot's pose, and touches with their names."""
+        if not moment.stale and self._view is not None and self.robot is not None:
+            (stamp,) = stamps(np.array([moment.time]))
+            if moment.angles:
+                self._view.angles(stamp, moment.angles)
+            self._view.touches(stamp, touch_markers(self.robot, moment))
+        super().send(moment)
+
+    def _send_samples(self, topic: Topic, times: FloatArray, values: NDArray[Any]) -> None:
         for stamp, row in zip(stamps(times), values, strict=True):
-            self._send(f"/skin/{topic}", array_type("Float32"), stamp, encode(row, "Float32"))
-            if self._view is not None and topic == self._info.kind:
+            self._put(f"/skin/{topic}", array_type("Float32"), encode(row, "Float32"))
+            if self._view is not None and topic == self.info.kind:
                 self._view.sample(stamp, row)
 
-    def text(self, topic: str, time: float, text: str) -> None:
-        """JSON as a text."""
-        (stamp,) = stamps(np.array([time]))
-        self._send(f"/skin/{topic}", TEXT, stamp, text_message(text))
+    def _send_text(self, topic: Topic, time: float, text: str) -> None:
+        self._put(f"/skin/{topic}", TEXT, text_message(text))
 
-    def moment(self, moment: Moment) -> None:
-        """Joint angles and touches."""
-        if self._view is None or self._robot is None:
-            return
-        (stamp,) = stamps(np.array([moment.time]))
-        if moment.angles:
-            self._view.angles(stamp, moment.angles)
-        self._view.touches(stamp, touch_markers(self._robot, moment))
-
-    def _shown(self, topic: str, stamp: int, message: bytes, _: int) -> None:
-        self._send(topic, TYPES[topic], stamp, message)
+    def _shown(self, topic: str, stamp: int, message: bytes, number: int) -> None:
+        self._put(topic, TYPES[topic], message)
 
 
 def touch_markers(robot: Robot, moment: Moment) -> list[TouchMarker]:

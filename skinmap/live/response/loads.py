@@ -6,19 +6,15 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.errors import InvalidArrayError, SkinMismatchError
+from skinmap.errors import SkinMismatchError
 from skinmap.live.contacts.contact_forces import ContactForce, PartForces
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.response.pressures import files_of_parts
-from skinmap.live.robot_skin import JoinedSkin
-from skinmap.skin.skin import fingerprint
+from skinmap.live.response.pressures import by_part
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.load_calibration import NORMAL_90, LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -64,8 +60,9 @@ class PartLoads:
         self._stream.session = replace(self._stream.session, zeroed=False)
         self._rest = []
 
-    def take(self, counts: FloatArray, touched: bool) -> None:
+    def take(self, samples: NDArray[Any], touched: bool) -> None:
         """Take samples (t, n) [counts]; `touched` where something is on any skin."""
+        counts = np.asarray(samples, np.float64)
         if not self._stream.session.zeroed:
             self._listen(counts, touched)
         self._found = PASCALS * self._stream.rows(counts)[:, -1]
@@ -98,50 +95,6 @@ def force_of(
     half = np.fmax(found[2] - found[0], 1e-9)  # unknown: all of it shared
     share = np.minimum((NORMAL_90 * shared_bar * PASCALS / half) ** 2, 1.0)
     return forces.contact(taxels, *found, shared=share)
-
-
-class Loads:
-    """Forces of the touches of a joined skin, part by part.
-
-    Parameters
-    ----------
-    skin : JoinedSkin
-    calibrations : mapping of str to LoadCalibration
-        By part; parts without one have no forces.
-    rate : float
-        Samples a second, 0 where unknown.
-    """
-
-    def __init__(
-        self, skin: JoinedSkin, calibrations: Mapping[str, LoadCalibration], rate: float
-    ) -> None:
-        self._rows = {part: skin.slices[part] for part in calibrations if part in skin.slices}
-        self._parts = {
-            part: PartLoads(skin.skins[part], calibrations[part], rate) for part in self._rows
-        }
-
-    def take(self, dense: NDArray[Any], touched: bool) -> None:
-        """Take samples (t, N) [counts] in dense rows."""
-        for part, one in self._parts.items():
-            one.take(np.asarray(dense[:, self._rows[part]], np.float64), touched)
-
-    def zero(self) -> None:
-        """Take the zeros anew as soon as nothing touches."""
-        for one in self._parts.values():
-            one.zero()
-
-    @property
-    def age(self) -> float:
-        """Age of the oldest zero [s]."""
-        return max((one.age for one in self._parts.values()), default=0.0)
-
-    def weigh(self, touches: tuple[NamedTouch, ...]) -> tuple[NamedTouch, ...]:
-        """The touches with their forces."""
-        return tuple(
-            replace(one, load=self._parts[one.part].force(one.taxels))
-            if one.part in self._parts else one
-            for one in touches
-        )  # fmt: skip
 
 
 def heaviest_load(
@@ -205,17 +158,9 @@ def load_calibrations(
     InvalidArrayError
         One that does not name its part.
     """
-    found: dict[str, LoadCalibration] = {}
-    prints = {fingerprint(skin.skin): part for part, skin in skins.items()}
-    for part, name in files_of_parts(specs, skins):
-        one = LoadCalibration.read(Path(name))
-        only = next(iter(skins)) if len(skins) == 1 else ""
-        part = part or prints.get(one.fingerprint, "" if one.fingerprint else only)
-        if not part:
-            raise InvalidArrayError(
-                f"{name} was calibrated on none of {', '.join(skins)}, or does not name its skin; "
-                "give PART=FOLDER"
-            )
+    found = {}
+    only = next(iter(skins)) if len(skins) == 1 else ""
+    for part, name, one in by_part(specs, skins, LoadCalibration.read, "FOLDER", only):
         if len(one.rest) != len(skins[part]):
             raise SkinMismatchError(
                 f"{name}: {len(one.rest)} taxels are calibrated, {part} has {len(skins[part])}"

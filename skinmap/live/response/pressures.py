@@ -8,8 +8,9 @@ from __future__ import annotations
 import dataclasses
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, TypeVar, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,9 @@ class Response(Protocol):
         """Pressures (t, n) for samples (t, n)."""
 
 
+Calibration = TypeVar("Calibration")
+
+
 class PartResponse:
     """Applies a response calibration to a stream of one part.
 
@@ -68,8 +72,8 @@ class PartResponse:
         counts = response if gain is None else dataclasses.replace(response, gain=None)
         self.health = getattr(response, "health", np.zeros(0, np.str_))
         self._response, self._gain = response, gain
-        self._counts = _Followed(counts, rate)
-        self._loads = None if gain is None else _Followed(response, rate)
+        self._counts = _tracked(counts, rate)
+        self._loads = None if gain is None else _tracked(response, rate)
 
     def levels(self, row: int) -> dict[str, float]:
         """Raw value at rest of a taxel, and its mean gain over the loads it was calibrated with."""
@@ -85,20 +89,14 @@ class PartResponse:
     def apply(self, samples: NDArray[Any]) -> tuple[FloatArray, FloatArray | None]:
         """Pressures (t, n) in counts, and loads (t, n) [N] where calibrated."""
         block = np.asarray(samples, np.float64)
-        counts = np.clip(self._counts.apply(block), 0.0, 255.0)
-        return counts, None if self._loads is None else self._loads.apply(block)
+        counts = np.clip(np.asarray(self._counts(block), np.float64), 0.0, 255.0)
+        return counts, None if self._loads is None else np.asarray(self._loads(block), np.float64)
 
 
-class _Followed:
-    """A response with its tracker."""
-
-    def __init__(self, response: Any, rate: float) -> None:
-        self._response = response
-        tracks = hasattr(response, "track")
-        self._extra = {"tracker": response.track(rate or None)} if tracks else {}
-
-    def apply(self, block: FloatArray) -> FloatArray:
-        return np.asarray(self._response.apply(block, **self._extra), np.float64)
+def _tracked(response: Any, rate: float) -> Callable[[FloatArray], FloatArray]:
+    """What applies a response, with the tracker that it has."""
+    extra = {"tracker": response.track(rate or None)} if hasattr(response, "track") else {}
+    return partial(response.apply, **extra)
 
 
 class RestBaseline:
@@ -212,26 +210,19 @@ class RestBaseline:
             return len(block)
         every = self._keep * WINDOW // 4
         left = every - 1 - self._seen % every  # samples before the next question
-        stop = min(len(block), start + left) if left else min(len(block), start + every)
-        numbers = np.arange(self._seen, self._seen + stop - start)
-        kept = np.flatnonzero(numbers % self._keep == 0)
         if left == 0:
-            self._hear(block[start], self._seen)
-            self._seen += 1
+            self._hear(block[start : start + 1])
             self._ask()
             if self._seen < 0:
                 return len(block)
-            kept = kept[kept > 0]
-            self._seen += stop - start - 1
-        else:
-            self._seen += stop - start
-        for row in kept.tolist():
-            self._hear(block[start + row], int(numbers[row]))
-        return stop
+            start, left = start + 1, every - 1
+        self._hear(block[start : start + left])
+        return min(len(block), start + left)
 
-    def _hear(self, sample: NDArray[np.float32], number: int) -> None:
-        if number % self._keep == 0:
-            self._window[(number // self._keep) % WINDOW] = sample
+    def _hear(self, block: NDArray[np.float32]) -> None:
+        kept = np.arange(-self._seen % self._keep, len(block), self._keep)
+        self._window[(self._seen + kept) // self._keep % WINDOW] = block[kept]
+        self._seen += len(block)
 
     def _ask(self) -> None:
         """Let those speak that were calm through the whole window; done when all do."""
@@ -367,8 +358,6 @@ def check_response(response: Any, skin: JoinedSkin, part: str) -> None:
     SkinMismatchError
         Its fingerprint or number of taxels is another.
     """
-    from skinmap.skin.skin import fingerprint
-
     own = skin.skins[part].skin
     if hasattr(response, "check_skin"):
         response.check_skin(fingerprint(own))
@@ -385,19 +374,41 @@ readers: Registry[Callable[[Path], Response]] = Registry(
 )
 
 
-def files_of_parts(specs: Sequence[str], parts: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
-    """Part and file of each "PART=FILE"; an empty part for a bare "FILE".
+def by_part(
+    specs: Sequence[str],
+    skins: Mapping[str, PreparedSkin],
+    read: Callable[[Path], Calibration],
+    what: str,
+    nameless: str = "",
+) -> Iterator[tuple[str, str, Calibration]]:
+    """Part, path and calibration of each "PART=PATH" or "PATH".
+
+    A bare path is of the part whose layout was calibrated, of the part `nameless` where the file
+    does not say which.
 
     Raises
     ------
     UnknownNameError
         No such part.
+    InvalidArrayError
+        A file that does not name its part.
     """
+    prints = {fingerprint(skin.skin): part for part, skin in skins.items()}
     for spec in specs:
         part, equals, name = spec.partition("=")
-        if equals and part not in parts:
-            raise UnknownNameError("part to calibrate", part, parts)
-        yield (part, name) if equals else ("", spec)
+        if equals and part not in skins:
+            raise UnknownNameError("part to calibrate", part, skins)
+        name = name if equals else spec
+        one = read(Path(name))
+        if not equals:
+            own = str(getattr(one, "fingerprint", ""))
+            part = prints.get(own, "" if own else nameless)
+        if not part:
+            raise InvalidArrayError(
+                f"{name} was calibrated on none of {', '.join(skins)}, or does not name its skin; "
+                f"give PART={what}"
+            )
+        yield part, name, one
 
 
 def load_responses(specs: Sequence[str], skins: Mapping[str, PreparedSkin]) -> dict[str, Response]:
@@ -419,16 +430,5 @@ def load_responses(specs: Sequence[str], skins: Mapping[str, PreparedSkin]) -> d
     InvalidArrayError
         A file that does not name its part.
     """
-    found: dict[str, Response] = {}
-    by_fingerprint = {fingerprint(skin.skin): part for part, skin in skins.items()}
-    for part, name in files_of_parts(specs, skins):
-        response = readers.get("file")(Path(name))
-        own = str(getattr(response, "fingerprint", ""))
-        part = part or by_fingerprint.get(own, "")
-        if not part:
-            raise InvalidArrayError(
-                f"{name} was calibrated on none of {', '.join(skins)}, or does not name its skin; "
-                "give PART=FILE"
-            )
-        found[part] = response
-    return found
+    found = by_part(specs, skins, lambda path: readers.get("file")(path), "FILE")
+    return {part: one for part, _, one in found}

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 
 import numpy as np
 
@@ -79,15 +79,6 @@ class Feed:
             return float("nan")
         (first, before), (last, after) = self._arrivals[0], self._arrivals[-1]
         return (after - before) / (last - first) if last > first else float("nan")
-
-    @property
-    def dropped(self) -> int:
-        """Samples not used in time, where the source counts them."""
-        return self.source.counts.dropped
-
-    def angles(self, now: float) -> Mapping[str, float]:
-        """Joint angles [rad] at a sample's time [s]; empty where the source has none."""
-        return self.source.angles_at(now)
 
     def read(self, timeout: float) -> Block | None:
         """What has come; waits `timeout` [s] at most, and no longer than until it is stale.

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,12 +17,11 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
 from skinmap.live.sources.simulated_source import MadeSource, TrueTouch
-from skinmap.live.sources.source import SIMULATION, StreamInfo
+from skinmap.live.sources.source import SIMULATION, describe_skins
 from skinmap.physics.robot_model import RobotModel
 from skinmap.physics.simulation import TRIES, place_at
 from skinmap.physics.spring_bed import SpringBed, spring_bed
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin import fingerprint
 from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN
 from skinmap.touch.simulation.sensing import Sensing, Sensors
 
@@ -32,14 +31,6 @@ REMEMBERED = 1000  # touches in `truth`, and poses kept for who draws them
 COURSE = (0.0, 0.2, 0.4, 1.2, 1.35, 1.6)
 SHARES = (0.6, 0.6, 1.0, 1.0, 0.0, -1.0)
 PAUSE = 0.3  # mean time between two touches [s]
-
-
-@dataclass(slots=True)
-class _Playing:
-    """A touch: its presser, its motors, and the sample that it began with."""
-
-    name: str
-    began: int
 
 
 class MujocoTouching:
@@ -62,7 +53,7 @@ class MujocoTouching:
         self._skins = [robot.skin(part) for part in self.model.parts]
         self._sensors = [Sensors(skin, sensing, rng=self._rng) for skin in self._skins]
         self._beds: dict[int, SpringBed] = {}
-        self._playing: _Playing | None = None
+        self._playing: tuple[str, int] | None = None  # presser, and the sample that it began with
         self._next, self._now = 0, 0
         self.truth: deque[TrueTouch] = deque(maxlen=REMEMBERED)
         self.angles: deque[tuple[float, dict[str, float]]] = deque(maxlen=REMEMBERED)
@@ -89,15 +80,15 @@ class MujocoTouching:
         if self._playing is None and self._now >= self._next:
             self._begin()
         if self._playing is not None:
-            time = (self._now - self._playing.began) / self.model.rate
+            name, began = self._playing
+            time = (self._now - began) / self.model.rate
             if time >= COURSE[-1]:
-                self.model.put(self._playing.name, None)
+                self.model.put(name, None)
                 self._playing = None
                 pause = float(self._rng.exponential(PAUSE))
                 self._next = self._now + 1 + round(pause * self.model.rate)
             else:
-                share = np.interp(time, COURSE, SHARES)
-                shares[self.model.motors(self._playing.name)] = share
+                shares[self.model.motors(name)] = np.interp(time, COURSE, SHARES)
         return shares
 
     def _begin(self) -> None:
@@ -115,7 +106,7 @@ class MujocoTouching:
                 frames = self.model.link_pose(part) @ found[0].frames
                 frames[:, :3, 3] += (ABOVE + _lowest(name)) * frames[:, :3, 2]
                 self.model.put(name, frames)
-                self._playing = _Playing(name, self._now)
+                self._playing = name, self._now
                 began = (self._now / self.model.rate) + COURSE[1]
                 ended = began + COURSE[-2] - COURSE[1]
                 self.truth.append(TrueTouch(self._skins[part].part, name, began, ended))
@@ -153,43 +144,23 @@ class MujocoSource(MadeSource):
         speed: float = 1.0,
     ) -> None:
         touching = MujocoTouching(robot, path, parts=parts, seed=seed)
-        chosen = touching.model.parts
-        info = StreamInfo(
-            f"mujoco {path.name}",
-            chosen,
-            tuple(len(robot.skin(part)) for part in chosen),
-            touching.model.rate,
-            "pressure",
-            robot.name,
-            {part: fingerprint(robot.skin(part)) for part in chosen},
-            SIMULATION,
-        )
+        name, skins = f"mujoco {path.name}", [robot.skin(part) for part in touching.model.parts]
+        info = describe_skins(name, robot.name, skins, touching.model.rate, "pressure", SIMULATION)
         self._angles = touching.angles
-        super().__init__(info, touching, speed=speed)
+        super().__init__(info, touching.make, touching.truth, speed=speed)
 
     def angles_at(self, time: float) -> Mapping[str, float]:
         """Joint angles [rad] at a sample's time [s]."""
         kept = tuple(self._angles)
-        if not kept:
-            return {}
-        return min(kept, key=lambda one: abs(one[0] - time))[1]
+        return min(kept, key=lambda one: abs(one[0] - time), default=(time, {}))[1]
 
 
-def open_mujoco(
-    address: str,
-    *,
-    robot: Robot | None,
-    parts: Sequence[str] | None,
-    seed: int,
-    speed: float,
-    loop: bool,
-) -> MujocoSource:
-    """Open `mujoco:FILE`."""
-    del loop  # it never ends
+def open_mujoco(address: str, *, robot: Robot | None, loop: bool, **wish: Any) -> MujocoSource:
+    """Open `mujoco:FILE`, which never ends."""
     if not address:
         raise InvalidArrayError("a MuJoCo source names its model: 'mujoco:robot.xml'")
     if robot is None:
         from skinmap.io.robots.manifest import load_robot
 
         robot = load_robot("icub")
-    return MujocoSource(robot, Path(address), parts=parts, seed=seed, speed=speed)
+    return MujocoSource(robot, Path(address), **wish)

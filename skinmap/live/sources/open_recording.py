@@ -16,7 +16,6 @@ from skinmap.errors import (
     UnknownNameError,
     check_kind,
 )
-from skinmap.io.recordings.readers import FOREIGN
 from skinmap.io.recordings.recorded_stream import (
     Kind,
     RecordedStream,
@@ -24,6 +23,7 @@ from skinmap.io.recordings.recorded_stream import (
     StreamInfo,
     warn_of_loss,
 )
+from skinmap.io.recordings.touch_files import FOREIGN
 from skinmap.io.ros2.bag import is_bag, mapping_of, read_bag
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import check_skin
@@ -138,8 +138,7 @@ def open_track(
 
         return read_track(path, kind=kind)
     if suffix in FOREIGN or suffix == ".npz":
-        from skinmap.io.recordings.readers import read_recordings
-        from skinmap.io.recordings.touch_files import track_of
+        from skinmap.io.recordings.touch_files import read_recordings, track_of
 
         return track_of(read_recordings(path), path)
     if path.is_dir() or suffix == ".log":
@@ -171,7 +170,7 @@ def _open_touches(
     path: Path, robot: Robot | None, parts: Sequence[str] | None, *, speed: float, loop: bool
 ) -> Playback:
     """Play what `skinmap simulate` wrote: all parts begin together, a short one rests at zero."""
-    from skinmap.io.recordings.readers import read_recordings
+    from skinmap.io.recordings.touch_files import read_recordings
 
     there = {recording.part: recording for recording in read_recordings(path)}
     for part in parts or ():

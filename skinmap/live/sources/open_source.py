@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from skinmap.errors import InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.live.sources.source import Source, as_source
@@ -42,10 +42,10 @@ sources: Registry[OpenSource] = Registry(
     "skinmap.sources",
     built_in={
         "sim": "skinmap.live.sources.open_source:_simulated",
-        "lsl": "skinmap.live.sources.lsl_source:open_lsl",
+        "lsl": "skinmap.live.network.lsl_stream:open_lsl",
         "mujoco": "skinmap.live.sources.mujoco_source:open_mujoco",
-        "zenoh": "skinmap.live.sources.zenoh_source:open_zenoh",
-        "zmq": "skinmap.live.sources.zmq_source:open_zmq",
+        "zenoh": "skinmap.live.network.zenoh_stream:open_zenoh",
+        "zmq": "skinmap.live.network.zmq_stream:open_zmq",
     },
 )
 
@@ -132,15 +132,7 @@ def resolve_robot(robot: Robot | str | Path | None) -> Robot | None:
     return load_robot(robot)
 
 
-def _simulated(
-    address: str,
-    *,
-    robot: Robot | None,
-    parts: Sequence[str] | None,
-    seed: int,
-    speed: float,
-    loop: bool,
-) -> Source:
+def _simulated(address: str, *, robot: Robot | None, seed: int, loop: bool, **wish: Any) -> Source:
     from skinmap.io.robots.manifest import load_robot
     from skinmap.live.sources.simulated_source import SimulatedSource
     from skinmap.touch.simulation.gestures import FOUR, TIME
@@ -158,10 +150,9 @@ def _simulated(
         )
     seed = int(seeds[-1]) if seeds else seed
     return SimulatedSource(
-        load_robot("icub") if robot is None else robot,
-        parts=parts,
+        robot or load_robot("icub"),
         seed=seed,
-        speed=speed,
         kind="raw" if raw else "pressure",
         gestures=names,
+        **wish,
     )

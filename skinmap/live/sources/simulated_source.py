@@ -5,9 +5,8 @@ from __future__ import annotations
 import threading
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +14,16 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
 from skinmap.live.bounded_queue import BoundedQueue
-from skinmap.live.sources.source import SIMULATION, Block, Kind, Source, SourceEnded, StreamInfo
+from skinmap.live.sources.source import (
+    SIMULATION,
+    Block,
+    Kind,
+    Source,
+    SourceEnded,
+    StreamInfo,
+    describe_skins,
+)
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin import fingerprint
 from skinmap.touch.simulation.gestures import FOUR
 from skinmap.touch.simulation.sensing import Sensing
 from skinmap.touch.simulation.simulator import (
@@ -39,6 +45,7 @@ HALTED = 1.0  # without a call of `read` for so long, the simulation stands stil
 AHEAD = 4  # chunks made before they are wanted
 
 PAUSE = 0.4  # mean time between the beginnings of two touches that may overlap [s]
+TOGETHER = 2  # touches at once, each on its own part
 REMEMBERED = 1000  # touches kept in `truth`
 
 
@@ -68,115 +75,16 @@ class _Playing:
     began: int
 
 
-class Touching:
-    """Makes samples of several parts, chunk by chunk; the same ones for the same seed.
-
-    Parameters
-    ----------
-    robot : Robot
-    parts : sequence of str
-    rng : numpy.random.Generator
-    rate : float
-        Samples a second; where sensing is given, its own.
-    sensing : Sensing, optional
-        Of all parts; drawn for each as the variety says by default.
-    variety : float
-        See `skinmap.touch.simulation.variety`.
-    gestures : sequence of str
-    together : int
-        Touches at once, each on its own part.
-    """
-
-    def __init__(
-        self,
-        robot: Robot,
-        parts: Sequence[str],
-        *,
-        rng: np.random.Generator,
-        rate: float = 50.0,
-        sensing: Sensing | None = None,
-        variety: float = DEFAULT,
-        gestures: Sequence[str] = FOUR,
-        together: int = 2,
-    ) -> None:
-        check_gestures(gestures)
-        self._rng, self._gestures, self._together = rng, tuple(gestures), together
-        self._people: tuple[Subject, ...] = draw_subjects(SUBJECTS, rng=rng)
-        self._stages: list[Stage] = []
-        for part in parts:
-            answers = sensing or draw_sensing(variety, rng=rng, rate=rate)
-            stage = prepare(robot.skin(part), rng=rng, sensing=answers, variety=variety)
-            self._stages.append(stage)
-        self._rate = rate if sensing is None else sensing.rate
-        self._playing: list[_Playing] = []
-        self._free_at = [0] * len(parts)
-        self._next = 0
-        self._now = 0
-        self._misses = [dict.fromkeys(gestures, 0) for _ in parts]
-        self.truth: deque[TrueTouch] = deque(maxlen=REMEMBERED)
-
-    def make(self, count: int) -> NDArray[np.uint8]:
-        """The next samples (count, channels), 0 at rest to 255."""
-        while self._next < self._now + count:
-            self._begin(self._next)
-            pause = max(1, round(float(self._rng.exponential(PAUSE)) * self._rate))
-            self._next += pause
-        columns = []
-        for row, stage in enumerate(self._stages):
-            loads = np.zeros((count, len(stage.skin)))
-            for touch in self._playing:
-                if touch.row == row:
-                    self._add(touch, loads)
-            columns.append(stage.sensors.read(loads, rng=self._rng))
-        self._now += count
-        self._playing = [one for one in self._playing if one.began + len(one.loads) > self._now]
-        return np.concatenate(columns, axis=1)
-
-    def _add(self, touch: _Playing, loads: FloatArray) -> None:
-        first = touch.began - self._now
-        start, stop = max(first, 0), min(first + len(touch.loads), len(loads))
-        if start < stop:
-            loads[start:stop] += touch.loads[start - first : stop - first]
-
-    def _begin(self, sample: int) -> None:
-        """Let a touch begin at a sample, if a part is free and a place is found."""
-        lasting = sum(one.began + len(one.loads) > sample for one in self._playing)
-        free = [row for row in range(len(self._stages)) if self._free_at[row] <= sample]
-        if lasting >= self._together or not free:
-            return
-        row = free[int(self._rng.integers(len(free)))]
-        label = self._gestures[int(self._rng.integers(len(self._gestures)))]
-        who = self._people[int(self._rng.integers(len(self._people)))]
-        if self._misses[row][label] >= MISSES:
-            return
-        stage = self._stages[row]
-        placed = place(stage, label, who, rng=self._rng)
-        if placed is None:
-            self._misses[row][label] += 1
-            return
-        loads = loads_over_time(placed, self._rate, self._rng)
-        self._playing.append(_Playing(row, loads, sample))
-        self._free_at[row] = sample + len(loads) + round(GAP * self._rate)
-        ended = (sample + len(loads)) / self._rate
-        self.truth.append(TrueTouch(stage.skin.part, label, sample / self._rate, ended))
-
-
-class Maker(Protocol):
-    """What makes samples, and knows what they are of."""
-
-    truth: deque[TrueTouch]
-
-    def make(self, count: int) -> NDArray[np.uint8]:
-        """The next samples (count, channels), 0 at rest to 255."""
-
-
 class MadeSource(Source):
     """Samples that are made ahead in a thread and given out by the clock.
 
     Parameters
     ----------
     info : StreamInfo
-    touching : Maker
+    make : callable
+        Gives so many next samples (count, channels), 0 at rest to 255.
+    truth : deque of TrueTouch
+        What was simulated; filled by `make`.
     speed : float
         Speed as a multiple of the clock's; `inf` gives samples as soon as they are read.
     seconds : float
@@ -189,12 +97,18 @@ class MadeSource(Source):
     """
 
     def __init__(
-        self, info: StreamInfo, touching: Maker, *, speed: float, seconds: float = float("inf")
+        self,
+        info: StreamInfo,
+        make: Callable[[int], NDArray[np.uint8]],
+        truth: deque[TrueTouch],
+        *,
+        speed: float,
+        seconds: float = float("inf"),
     ) -> None:
         if not speed > 0:
             raise InvalidArrayError(f"speed must be above 0, got {speed}")
         super().__init__(info)
-        self._touching = touching
+        self._make, self._truth = make, truth
         self._speed = float(speed)
         self._last = seconds * info.rate
         self._chunk = max(1, round(CHUNK * info.rate))
@@ -214,7 +128,7 @@ class MadeSource(Source):
     @property
     def truth(self) -> tuple[TrueTouch, ...]:
         """What was simulated, the last thousand touches; some may still be to come."""
-        return tuple(self._touching.truth)
+        return tuple(self._truth)
 
     def read(self, timeout: float) -> Block | None:
         """Samples that are due; None when none is within `timeout` [s].
@@ -228,8 +142,11 @@ class MadeSource(Source):
             raise SourceEnded
         asked, self._asked = self._asked, time.perf_counter()
         deadline = self._asked + timeout
-        if len(self._open) == 0 and not self._take(timeout):
-            return None
+        if len(self._open) == 0:
+            made = self._made.take(max(timeout, 1e-3))
+            if made is None:
+                return None
+            self._open = made
         if np.isnan(self._since):
             # The clock starts when somebody listens and there is something to hear.
             self._since = time.perf_counter()
@@ -267,18 +184,10 @@ class MadeSource(Source):
         self._given += count
         return Block(times, values, min(arrived, now))
 
-    def _take(self, timeout: float) -> bool:
-        """Open the next chunk, if one is made within the time."""
-        made = self._made.take(max(timeout, 1e-3))
-        if made is None:
-            return False
-        self._open = made
-        return True
-
     def _work(self) -> None:
         try:
             while True:
-                made = self._touching.make(self._chunk)
+                made = self._make(self._chunk)
                 if self._info.kind == "raw":
                     made = np.uint8(REST) - np.minimum(made, np.uint8(REST))
                 self._made.put(made)
@@ -325,20 +234,60 @@ class SimulatedSource(MadeSource):
         variety: float = DEFAULT,
         seconds: float = float("inf"),
     ) -> None:
-        rate = Sensing(rate=rate).rate if sensing is None else sensing.rate
-        chosen = tuple(dict.fromkeys(parts or robot.parts))
-        rng = np.random.default_rng(seed)
-        touching = Touching(
-            robot, chosen, rng=rng, rate=rate, sensing=sensing, variety=variety, gestures=gestures
-        )
-        info = StreamInfo(
-            "simulation",
-            chosen,
-            tuple(len(robot.skin(part)) for part in chosen),
-            rate,
-            kind,
-            robot.name,
-            {part: fingerprint(robot.skin(part)) for part in chosen},
-            SIMULATION,
-        )
-        super().__init__(info, touching, speed=speed, seconds=seconds)
+        check_gestures(gestures)
+        self._rate = Sensing(rate=rate).rate if sensing is None else sensing.rate
+        self._rng, self._gestures = np.random.default_rng(seed), tuple(gestures)
+        self._people: tuple[Subject, ...] = draw_subjects(SUBJECTS, rng=self._rng)
+        self._stages: list[Stage] = []
+        for part in dict.fromkeys(parts or robot.parts):
+            answers = sensing or draw_sensing(variety, rng=self._rng, rate=self._rate)
+            stage = prepare(robot.skin(part), rng=self._rng, sensing=answers, variety=variety)
+            self._stages.append(stage)
+        self._playing: list[_Playing] = []
+        self._free_at = [0] * len(self._stages)
+        self._next = self._now = 0
+        self._misses = [dict.fromkeys(gestures, 0) for _ in self._stages]
+        skins = [stage.skin for stage in self._stages]
+        info = describe_skins("simulation", robot.name, skins, self._rate, kind, SIMULATION)
+        truth: deque[TrueTouch] = deque(maxlen=REMEMBERED)
+        super().__init__(info, self._simulate, truth, speed=speed, seconds=seconds)
+
+    def _simulate(self, count: int) -> NDArray[np.uint8]:
+        while self._next < self._now + count:
+            self._begin(self._next)
+            pause = max(1, round(float(self._rng.exponential(PAUSE)) * self._rate))
+            self._next += pause
+        columns = []
+        for row, stage in enumerate(self._stages):
+            loads = np.zeros((count, len(stage.skin)))
+            for touch in [one for one in self._playing if one.row == row]:
+                first = touch.began - self._now
+                start, stop = max(first, 0), min(first + len(touch.loads), count)
+                if start < stop:
+                    loads[start:stop] += touch.loads[start - first : stop - first]
+            columns.append(stage.sensors.read(loads, rng=self._rng))
+        self._now += count
+        self._playing = [one for one in self._playing if one.began + len(one.loads) > self._now]
+        return np.concatenate(columns, axis=1)
+
+    def _begin(self, sample: int) -> None:
+        """Let a touch begin at a sample, if a part is free and a place is found."""
+        lasting = sum(one.began + len(one.loads) > sample for one in self._playing)
+        free = [row for row in range(len(self._stages)) if self._free_at[row] <= sample]
+        if lasting >= TOGETHER or not free:
+            return
+        row = free[int(self._rng.integers(len(free)))]
+        label = self._gestures[int(self._rng.integers(len(self._gestures)))]
+        who = self._people[int(self._rng.integers(len(self._people)))]
+        if self._misses[row][label] >= MISSES:
+            return
+        stage = self._stages[row]
+        placed = place(stage, label, who, rng=self._rng)
+        if placed is None:
+            self._misses[row][label] += 1
+            return
+        loads = loads_over_time(placed, self._rate, self._rng)
+        self._playing.append(_Playing(row, loads, sample))
+        self._free_at[row] = sample + len(loads) + round(GAP * self._rate)
+        ended = (sample + len(loads)) / self._rate
+        self._truth.append(TrueTouch(stage.skin.part, label, sample / self._rate, ended))

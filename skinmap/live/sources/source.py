@@ -294,6 +294,15 @@ class Seekable(Source):
         """Go on from there."""
 
 
+def _theirs(name: str) -> Any:
+    """A member that is the other source's own; `Source` answers where a foreign one has none."""
+
+    def get(self: Relay) -> Any:
+        return getattr(self.source if hasattr(self.source, name) else super(Relay, self), name)
+
+    return property(get, lambda self, value: setattr(self.source, name, value), doc="Theirs.")
+
+
 class Relay(Source):
     """A source that hands on another one's samples; what it does not change is the other's.
 
@@ -334,39 +343,8 @@ class Relay(Source):
         """Close the source."""
         self.source.close()
 
-    @property
-    def info(self) -> StreamInfo:
-        """Of the source."""
-        return self.source.info
-
-    @property
-    def counts(self) -> Counts:
-        """Of the source."""
-        return self.source.counts
-
-    @property
-    def last_seen(self) -> float:
-        """Of the source."""
-        return self.source.last_seen
-
-    @property
-    def alive(self) -> bool:
-        """Whether the source is."""
-        return self.source.alive
-
-    @property
-    def seekable(self) -> bool:
-        """Whether the source is."""
-        return self.source.seekable
-
-    @property
-    def speed(self) -> float:
-        """Of the source."""
-        return self.source.speed
-
-    def angles_at(self, time: float) -> Mapping[str, float]:
-        """Of the source."""
-        return self.source.angles_at(time)
+    info, counts, last_seen, alive = map(_theirs, ("info", "counts", "last_seen", "alive"))
+    seekable, speed, angles_at = map(_theirs, ("seekable", "speed", "angles_at"))
 
 
 def is_live(source: Source) -> bool:
@@ -442,6 +420,21 @@ def check_skin(info: StreamInfo, robot: Robot) -> None:
             )
 
 
+def describe_skins(
+    name: str, robot: str, skins: Iterable[Skin], rate: float, kind: Kind, clock: str
+) -> StreamInfo:
+    """What a stream says that sends each skin's taxels in dense order."""
+    known = {skin.part: skin for skin in skins}
+    widths = tuple(map(len, known.values()))
+    prints = {part: fingerprint(skin) for part, skin in known.items()}
+    return StreamInfo(name, tuple(known), widths, rate, kind, robot, prints, clock)
+
+
+def skin_of(info: StreamInfo) -> tuple[object, ...]:
+    """What of a stream must stay the same when it comes back."""
+    return info.parts, info.widths, info.kind, info.fingerprints
+
+
 NEEDED = ("info", "read", "close")
 LED = ("speed", "loop", "duration", "position", "seek")  # what a recording has
 
@@ -467,38 +460,13 @@ def as_source(found: Any) -> Source:
     return _ForeignSource(found)
 
 
-def _theirs(name: str) -> Any:
-    """A member that is the foreign source's own, or that of `Source` where it has none."""
-
-    def get(self: _ForeignSource) -> Any:
-        return getattr(
-            self.found if hasattr(self.found, name) else super(_ForeignSource, self), name
-        )
-
-    return property(get, lambda self, value: setattr(self.found, name, value))
-
-
-class _ForeignSource(Source):
-    """Adapter of a foreign source; where it lacks a member, the default of `Source` answers."""
-
-    def __init__(self, found: Any) -> None:
-        self.found = found
-        super().__init__(found.info)
-
-    info, last_seen, alive, speed = map(_theirs, ("info", "last_seen", "alive", "speed"))
-    angles_at = _theirs("angles_at")
-
-    def read(self, timeout: float) -> Block | None:
-        block: Block | None = self.found.read(timeout)
-        return block
-
-    def close(self) -> None:
-        self.found.close()
+class _ForeignSource(Relay):
+    """Adapter of a source that does not derive from ours."""
 
     @property
     def counts(self) -> Counts:
-        theirs = getattr(self.found, "counts", None)
-        return theirs if isinstance(theirs, Counts) else super().counts
+        theirs = getattr(self.source, "counts", None)
+        return theirs if isinstance(theirs, Counts) else self._counts
 
 
 class _ForeignRecording(_ForeignSource, Seekable):

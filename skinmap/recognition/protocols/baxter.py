@@ -33,12 +33,7 @@ from skinmap.recognition.protocols.baxter_methods import (
     tune,
 )
 from skinmap.recognition.protocols.folds import FoldKind, run_repeats
-from skinmap.recognition.protocols.results import (
-    BaxterResult,
-    Confusion,
-    MethodResult,
-    SplitSpread,
-)
+from skinmap.recognition.protocols.results import BaxterResult, Confusion, MethodResult, SplitSpread
 from skinmap.touch.prepared_skin import PreparedSkin
 
 ROBOT, PART = "baxter-forearm", "forearm"
@@ -184,14 +179,7 @@ class Repeat:
 
 
 def baxter_repeat(
-    seed: int,
-    number: int,
-    kind: FoldKind,
-    *,
-    bench: Bench,
-    method: str,
-    network: str,
-    tuned: bool,
+    seed: int, number: int, kind: FoldKind, *, bench: Bench, method: str, network: str, tuned: bool
 ) -> Repeat:
     """The paper's procedure on one random split: tune on what trains, train, test."""
     data = bench.data

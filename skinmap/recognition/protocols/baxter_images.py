@@ -117,11 +117,7 @@ def given_images(images: NDArray[np.uint8], named: Names, touches: IntArray) -> 
 
 
 def simulate_images(
-    skin: PreparedSkin,
-    *,
-    images: int,
-    rng: np.random.Generator,
-    variety: float = 0.0,
+    skin: PreparedSkin, *, images: int, rng: np.random.Generator, variety: float = 0.0
 ) -> ImageSet:
     """About as many images as asked for, one a touch, half of them of hands.
 

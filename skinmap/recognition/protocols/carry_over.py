@@ -6,7 +6,8 @@ number of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -14,7 +15,6 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.neighbours.structures import assign
 from skinmap.parallel.run import task_rng
-from skinmap.parallel.workers import ONE, Workers
 from skinmap.recognition.histograms.intersection import IntersectionSVC
 from skinmap.recognition.protocols.folds import make_folds, run_repeats
 from skinmap.recognition.protocols.results import CarryOver, CarryRow, CarrySummary
@@ -38,14 +38,7 @@ ENOUGH_ON_SKIN = 0.4
 
 
 def evaluate_carry_over(
-    skins: Mapping[str, PreparedSkin],
-    *,
-    seeds: Sequence[int],
-    samples: Mapping[str, int],
-    percent: int = PERCENT,
-    variety: float = 0.0,
-    workers: Workers = ONE,
-    progress: Callable[[str], None] | None = None,
+    skins: Mapping[str, PreparedSkin], *, seeds: Sequence[int], percent: int = PERCENT, **how: Any
 ) -> CarryOver:
     """Train on each patch in turn, test on held-out touches of it and on all patches.
 
@@ -54,13 +47,11 @@ def evaluate_carry_over(
     skins : mapping of str to PreparedSkin
         Patches by name, of one module layout. Those that a gesture does not fit are left out.
     seeds : sequence of int
-    samples : mapping of str to int
-        Samples of each gesture on each patch.
     percent : int
-        Share of them that is drawn, trained on by 3 of 4 folds of touches.
-    workers : Workers
-    progress : callable, optional
-        Called after each seed.
+        Share of the samples that is drawn, trained on by 3 of 4 folds of touches.
+    how
+        Of `carry_over_repeat`: `samples` of each gesture on each patch, and `variety`; and of
+        `run_tasks`: `workers`, and `progress` after each seed.
 
     Returns
     -------
@@ -69,16 +60,8 @@ def evaluate_carry_over(
     """
     for skin in skins.values():
         skin.hoods  # noqa: B018 - computed here once, then carried to the workers
-    found = run_repeats(
-        carry_over_repeat,
-        [{"seed": seed} for seed in seeds],
-        workers=workers,
-        progress=progress,
-        skins=skins,
-        samples=samples,
-        percent=percent,
-        variety=variety,
-    )
+    varied = [{"seed": seed} for seed in seeds]
+    found = run_repeats(carry_over_repeat, varied, skins=skins, percent=percent, **how)
     shared = [key for key in found[0] if all(key in scores for scores in found)]
     rows = [
         CarryRow(
@@ -105,7 +88,7 @@ def carry_over_repeat(
     skins: Mapping[str, PreparedSkin],
     samples: Mapping[str, int],
     percent: float,
-    variety: float,
+    variety: float = 0.0,
 ) -> dict[tuple[str, str, str], float]:
     """Accuracy of one seed by features, patch trained on and patch tested on."""
     rng = task_rng(seed, 1)

@@ -19,7 +19,7 @@ from skinmap.parallel.workers import ONE, Workers
 from skinmap.recognition.classifier import classifiers
 from skinmap.recognition.descriptors import Touch, recorded_touches
 from skinmap.recognition.evaluate import Score, score
-from skinmap.recognition.protocols.folds import mean_and_spread
+from skinmap.recognition.protocols.folds import mean_and_spread, run_repeats
 from skinmap.recognition.protocols.results import PatchesRow
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
@@ -53,6 +53,7 @@ def _cut(skin: Skin, rows: np.ndarray, number: int) -> Skin:
     )
 
 
+OURS = "ours"  # the physics that is not MuJoCo's
 DEFAULTS = ("contact-geometry", "histogram", "paper")
 Scores = Mapping[str, Score]  # by patch
 
@@ -99,13 +100,28 @@ def cut_patches(robot: Robot, parts: Sequence[str]) -> list[Patch]:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class _Playing:
+class Playing:
+    """A skin to be touched in a physics, so many times anew: what a worker needs."""
+
     skin: PreparedSkin
-    seed: int | Sequence[int]
-    number: int
     gestures: tuple[str, ...]
     per_gesture: int
     variety: float
+    seed: tuple[int, ...]
+    physics: str = OURS
+    times: int = 1
+
+
+def played(task: Playing) -> list[Recording]:
+    """The recordings of what is played; of MuJoCo one."""
+    skin = task.skin.skin
+    how: dict[str, Any] = {"gestures": task.gestures, "per_gesture": task.per_gesture}
+    how["rng"] = task_rng(task.seed)
+    if task.physics == OURS:
+        return [simulate(skin, variety=task.variety, **how) for _ in range(task.times)]
+    from skinmap.physics.simulation import simulate as press
+
+    return [press(skin, variant=task.physics, **how)]
 
 
 def touch_patches(
@@ -147,35 +163,16 @@ def touch_patches(
     >>> [touch.label for touch in touched.touches]
     ['poke', 'poke']
     """
+    own = tuple(np.atleast_1d(seed).tolist())
     tasks = [
-        _Playing(patch.skin, seed, number, tuple(gestures), per_gesture, variety)
+        Playing(patch.skin, tuple(gestures), per_gesture, variety, (*own, number))
         for number, patch in enumerate(patches)
     ]
-    found = run_tasks(_play, tasks, workers=workers, progress=progress)
+    found = run_tasks(played, tasks, workers=workers, progress=progress)
     return [
         replace(patch, touches=tuple(recorded_touches(patch.skin, recording)))
-        for patch, recording in zip(patches, found, strict=True)
+        for patch, (recording,) in zip(patches, found, strict=True)
     ]
-
-
-def _play(task: _Playing) -> Recording:
-    return simulate(
-        task.skin.skin,
-        rng=task_rng(task.seed, task.number),
-        per_gesture=task.per_gesture,
-        gestures=task.gestures,
-        variety=task.variety,
-    )
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Trial:
-    """One training: what a worker needs."""
-
-    classifier: str
-    train: tuple[Patch, ...]
-    test: tuple[Patch, ...]
-    seed: int
 
 
 def score_patches(
@@ -229,19 +226,25 @@ def score_patches(
         if train is None
         else [(tuple(train), tuple(test))]
     )
-    trials = [_Trial(name, *side, seed) for name in names for side in sides]
-    found = run_tasks(_run, trials, workers=workers, progress=progress)
+    trials = [
+        {"classifier": name, "train": trained, "test": tested}
+        for name in names
+        for trained, tested in sides
+    ]
+    found = run_repeats(_train, trials, workers=workers, progress=progress, seed=seed)
     return [
         {patch: own for scores in found[k : k + len(sides)] for patch, own in scores.items()}
         for k in range(0, len(found), len(sides))
     ]
 
 
-def _run(trial: _Trial) -> dict[str, Score]:
+def _train(
+    classifier: str, train: Sequence[Patch], test: Sequence[Patch], *, seed: int
+) -> dict[str, Score]:
     """Train once; scores for each test patch by name."""
-    touches = [touch for patch in trial.train for touch in patch.touches]
-    model = classifiers.get(trial.classifier)().fit(touches, rng=task_rng(trial.seed))
-    return {patch.name: score(model, patch.touches) for patch in trial.test}
+    touches = [touch for patch in train for touch in patch.touches]
+    model = classifiers.get(classifier)().fit(touches, rng=task_rng(seed))
+    return {patch.name: score(model, patch.touches) for patch in test}
 
 
 def check_carries_over(names: Sequence[str]) -> None:

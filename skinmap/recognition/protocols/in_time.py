@@ -7,25 +7,25 @@ as well. The judge that can fail is the same classifier without motion, and a se
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from skinmap.errors import InvalidArrayError
 from skinmap.parallel.run import run_tasks, task_rng
-from skinmap.parallel.workers import ONE, Workers
 from skinmap.recognition.classifier import TouchClassifier, learnable
 from skinmap.recognition.descriptors import ContactGeometry, Touch, recorded_touches
 from skinmap.recognition.evaluate import likeliest
-from skinmap.recognition.protocols.physics import OURS, Named, Playing, judged
+from skinmap.recognition.protocols.cross_patch import OURS, Playing, played
+from skinmap.recognition.protocols.physics import Named, judged
 from skinmap.recognition.protocols.results import SeenRow
 from skinmap.recognition.rbf_machine import RbfMachine
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES, motion_features
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.gestures import FOUR, TIME
-from skinmap.touch.simulation.simulator import simulate
 from skinmap.touch.simulation.variety import DEFAULT
 
 SEEN = (0.25, 0.5, 0.75, 1.0)  # shares of a touch that are judged
@@ -85,10 +85,11 @@ def play(
     seed: int,
     *,
     variety: float = DEFAULT,
-    workers: Workers = ONE,
-    progress: Callable[[str], None] | None = None,
+    **who: Any,
 ) -> list[Played]:
     """Touches on each skin, of ours with the four that stay, in each physics.
+
+    `who` are `workers` and `progress` of `run_tasks`.
 
     Raises
     ------
@@ -98,42 +99,21 @@ def play(
     tasks = [
         Playing(
             skin,
-            one,
             (*gestures, *FOUR) if one == OURS else tuple(gestures),
             per_gesture if one == OURS else max(2, per_gesture // 4),
             variety,
             (seed, row, column),
+            one,
         )
         for row, one in enumerate(physics)
         for column, skin in enumerate(skins.values())
     ]
-    made = run_tasks(_play, tasks, workers=workers, progress=progress)
-    return [Played(task.skin, task.physics, one) for task, one in zip(tasks, made, strict=True)]
-
-
-def _play(task: Playing) -> Recording:
-    rng, skin = task_rng(task.seed), task.skin.skin
-    if task.physics == OURS:
-        return simulate(
-            skin,
-            rng=rng,
-            gestures=task.gestures,
-            per_gesture=task.per_gesture,
-            variety=task.variety,
-        )
-    from skinmap.physics.simulation import simulate as press
-
-    return press(
-        skin, rng=rng, variant=task.physics, gestures=task.gestures, per_gesture=task.per_gesture
-    )
+    made = run_tasks(played, tasks, **who)
+    return [Played(task.skin, task.physics, one) for task, (one,) in zip(tasks, made, strict=True)]
 
 
 def evaluate_in_time(
-    played: Mapping[int, Sequence[Played]],
-    *,
-    gestures: Sequence[str] = TIME,
-    workers: Workers = ONE,
-    progress: Callable[[str], None] | None = None,
+    touched: Mapping[int, Sequence[Played]], *, gestures: Sequence[str] = TIME, **who: Any
 ) -> InTime:
     """Train on one half of the parts, test on the other, both ways, for what each seed played.
 
@@ -142,18 +122,18 @@ def evaluate_in_time(
     InvalidArrayError
         Fewer than two skins: none is left to test on.
     """
-    every = [one for own in played.values() for one in own]
+    every = [one for own in touched.values() for one in own]
     parts = list(dict.fromkeys(one.skin.skin.part for one in every))
     if len(parts) < 2:
         raise InvalidArrayError(f"leaving parts out needs two parts, got {len(parts)}")
     physics = list(dict.fromkeys(one.physics for one in every))
     trainings = [
         task
-        for seed, own in played.items()
+        for seed, own in touched.items()
         for hand in (0, 1)
         for task in _trainings(own, parts[hand::2], physics, gestures, seed)
     ]
-    found = run_tasks(_train, trainings, workers=workers, progress=progress)
+    found = run_tasks(_train, trainings, **who)
     named: dict[tuple[str, str, float], list[Named]] = {}
     for task, one in zip(trainings, found, strict=True):
         for (world, share), touches in one.items():

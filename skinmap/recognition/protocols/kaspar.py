@@ -241,14 +241,7 @@ def _row(
 
 
 def sweep_radius_and_words(
-    skin: PreparedSkin,
-    *,
-    seeds: Sequence[int],
-    samples: Mapping[str, int] = SAMPLES,
-    percent: int = SWEPT,
-    variety: float = 0.0,
-    workers: Workers = ONE,
-    progress: Callable[[str], None] | None = None,
+    skin: PreparedSkin, *, seeds: Sequence[int], **how: Any
 ) -> list[SweepRow]:
     """Accuracy of histograms (rotation, rest dropped) for each of `RADII` and `WORD_COUNTS`.
 
@@ -258,24 +251,16 @@ def sweep_radius_and_words(
     ----------
     skin : PreparedSkin
     seeds : sequence of int
-    samples, percent, variety, workers, progress
-        See `evaluate_kaspar`; progress comes once a seed.
+    how
+        `samples`, `percent`, `variety`, `workers` and `progress` of `evaluate_kaspar`; progress
+        comes once a seed.
 
     Returns
     -------
     list of SweepRow
     """
     skin.hoods  # noqa: B018 - computed here once, then carried to the workers
-    found = run_repeats(
-        sweep_repeat,
-        [{"seed": seed} for seed in seeds],
-        workers=workers,
-        progress=progress,
-        skin=skin,
-        samples=samples,
-        percent=percent,
-        variety=variety,
-    )
+    found = run_repeats(sweep_repeat, [{"seed": seed} for seed in seeds], skin=skin, **how)
     rows = []
     for repeats in zip(*found, strict=True):
         mean, std = mean_and_spread([row.mean for row in repeats])
@@ -284,7 +269,12 @@ def sweep_radius_and_words(
 
 
 def sweep_repeat(
-    seed: int, *, skin: PreparedSkin, samples: Mapping[str, int], percent: int, variety: float
+    seed: int,
+    *,
+    skin: PreparedSkin,
+    samples: Mapping[str, int] = SAMPLES,
+    percent: int = SWEPT,
+    variety: float = 0.0,
 ) -> list[SweepRow]:
     """Rows of one seed: the same samples and folds for each radius and number of codewords."""
     rng = task_rng(seed)

@@ -167,27 +167,15 @@ def _dealt(number: IntArray, labels: Names) -> IntArray:
     return fold[number]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class LeftOutTrial:
-    """One way to split, of one classifier: what a worker needs."""
-
-    classifier: str
-    judged: Judged
-    way: Way
-    folds: int
-    seed: int
-
-
-def run_left_out(trial: LeftOutTrial) -> LeftOutRow:
+def run_left_out(classifier: str, way: Way, *, judged: Judged, folds: int, seed: int) -> LeftOutRow:
     """Accuracy of a classifier under a split, of the controls under the same, and what that means.
 
     Controls are what the same classifier names at rest (`control`) and in the first samples
     (`first`), and what raw values name at rest (`raw`).
     """
-    judged, labels, way = trial.judged, trial.judged.labels, trial.way
-    rng, own = task_rng(trial.seed), judged.groups.get(way)
+    labels, rng, own = judged.labels, task_rng(seed), judged.groups.get(way)
     row = LeftOutRow(
-        classifier=trial.classifier,
+        classifier=classifier,
         left_out=way,
         groups=len(labels) if own is None else len(np.unique(own)),
         chance=judged.chance,
@@ -195,18 +183,18 @@ def run_left_out(trial: LeftOutTrial) -> LeftOutRow:
     try:
         if own is None:
             events = np.arange(len(labels))
-            splits = make_folds("event", labels, events, folds=trial.folds, rng=rng)
+            splits = make_folds("event", labels, events, folds=folds, rng=rng)
         else:
             splits = group_folds(way, own, labels)
-        named = _named(trial.classifier, judged.touches, splits, rng)
+        named = _named(classifier, judged.touches, splits, rng)
     except SkinError as error:
         return replace(row, verdict=str(error))
     per_class = recalls(labels, named, np.unique(labels).tolist())
     units = _units(judged, splits)
     rest, first = (_at(judged.touches, one) for one in (judged.before, judged.first))
     said = {
-        "control": _names_of_nothing(trial.classifier, rest, splits, rng),
-        "first": _names_of_nothing(trial.classifier, first, splits, rng),
+        "control": _names_of_nothing(classifier, rest, splits, rng),
+        "first": _names_of_nothing(classifier, first, splits, rng),
         "raw": _raw_names(rest, labels, splits),
     }
     controls = {name: control_of(own, labels, units, judged.chance) for name, own in said.items()}

@@ -6,29 +6,26 @@ parts, MuJoCo on one of each pair. What is trained on never saw the frozen varia
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
 from skinmap.parallel.run import run_tasks, task_rng
-from skinmap.parallel.workers import ONE, Workers
-from skinmap.physics.simulation import simulate as press
 from skinmap.physics.variants import TUNING, VARIANTS
 from skinmap.recognition.catalogue import classifiers
 from skinmap.recognition.classifier import NO_CONTACT, WITH_SETS
 from skinmap.recognition.descriptors import Touch, recorded_touches
 from skinmap.recognition.evaluate import likeliest
+from skinmap.recognition.protocols.cross_patch import OURS, Playing, played
 from skinmap.recognition.protocols.results import PhysicsRow
 from skinmap.skin.checks import twin_parts
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.recording import Recording
-from skinmap.touch.simulation.simulator import simulate
 from skinmap.touch.simulation.variety import DEFAULT
 
-OURS = "ours"
 CLASSIFIER = "contact-geometry"
 BOTH = "ours and mujoco"
 # Recordings of ours for each of MuJoCo's, each on sensors of another state: they vary more, and a
@@ -37,18 +34,6 @@ OURS_TIMES = 6
 BINS = 10  # of the expected calibration error
 COVERAGE = 0.9  # promised by sets of names
 Named = tuple[str, str, float]  # true label, name and confidence of a touch
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Playing:
-    """A skin to be touched in a physics: what a worker needs."""
-
-    skin: PreparedSkin
-    physics: str
-    gestures: tuple[str, ...]
-    per_gesture: int
-    variety: float
-    seed: tuple[int, ...]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -70,8 +55,7 @@ def evaluate_physics(
     seeds: Sequence[int],
     classifier: str = CLASSIFIER,
     variety: float = DEFAULT,
-    workers: Workers = ONE,
-    progress: Callable[[str], None] | None = None,
+    **who: Any,
 ) -> list[PhysicsRow]:
     """Train on ours, on each variant that may be trained on, and on all; test on each physics.
 
@@ -85,8 +69,8 @@ def evaluate_physics(
     seeds : sequence of int
         Repetitions.
     classifier : str
-    workers : Workers
-    progress : callable, optional
+    who
+        `workers` and `progress` of `run_tasks`.
 
     Raises
     ------
@@ -102,13 +86,13 @@ def evaluate_physics(
         raise InvalidArrayError("leaving parts out needs two parts that are not mirror images")
     found: list[tuple[str, str, list[Named], FloatArray]] = []
     for seed in seeds:
-        touched = _touch(skins, gestures, per_gesture, variety, seed, workers, progress)
+        touched = _touch(skins, gestures, per_gesture, variety, seed, **who)
         trainings = [
             one
             for part in dict.fromkeys(pairs.values())
             for one in _trainings(touched, pairs, part, classifier, seed)
         ]
-        for names in run_tasks(_train, trainings, workers=workers, progress=progress):
+        for names in run_tasks(_train, trainings, **who):
             found += names
     rows = []
     for pair in dict.fromkeys((trained, tested) for trained, tested, *_ in found):
@@ -165,35 +149,25 @@ def _touch(
     per_gesture: int,
     variety: float,
     seed: int,
-    workers: Workers,
-    progress: Callable[[str], None] | None,
+    **who: Any,
 ) -> dict[tuple[str, str], tuple[Touch, ...]]:
     """Touches by physics and part."""
     pairs = mirror_pairs(skins)
     tasks = [
-        Playing(skin, physics, tuple(gestures), per_gesture, variety, (seed, row, column))
+        Playing(
+            skin, tuple(gestures), per_gesture, variety, (seed, row, column), physics, OURS_TIMES
+        )
         for row, physics in enumerate((OURS, *VARIANTS))
         for column, (part, skin) in enumerate(skins.items())
         if physics == OURS or pairs[part] == part
     ]
-    played = run_tasks(_play, tasks, workers=workers, progress=progress)
+    found = run_tasks(played, tasks, **who)
     return {
         (task.physics, task.skin.skin.part): tuple(
             touch for one in recordings for touch in recorded_touches(task.skin, one)
         )
-        for task, recordings in zip(tasks, played, strict=True)
+        for task, recordings in zip(tasks, found, strict=True)
     }
-
-
-def _play(task: Playing) -> list[Recording]:
-    rng = task_rng(task.seed)
-    skin, count, gestures = task.skin.skin, task.per_gesture, task.gestures
-    if task.physics == OURS:
-        return [
-            simulate(skin, rng=rng, per_gesture=count, gestures=gestures, variety=task.variety)
-            for _ in range(OURS_TIMES)
-        ]
-    return [press(skin, rng=rng, variant=task.physics, per_gesture=count, gestures=gestures)]
 
 
 def _trainings(

@@ -26,6 +26,7 @@ ACTIVE = 60.0  # counts: readings above it are a contact's
 SMALLEST = 5  # readings of a contact; specks of noise have four at most, fingers six or more
 PRINT_MM2 = 8.0  # of the smallest print that counts
 SHARE = 0.9  # of the true areas that lie inside their interval
+WIDENINGS = np.linspace(1.0, 2.0, 101)  # of intervals
 SHAPES = 5  # columns of `Spots.features` that do not depend on the place
 EIGHT = np.ones((3, 3), np.int64)  # neighbours of a reading, corners too
 
@@ -195,8 +196,6 @@ def fit_areas(spots: Spots, prints: Prints, person: IntArray) -> AreaModel:
     InvalidArrayError
         Fewer than three people or 30 contacts with a print.
     """
-    from scipy import stats
-
     good = np.flatnonzero(prints.area_mm2 > 0)
     people = np.unique(person[good])
     if len(people) < 3 or len(good) < 30:
@@ -213,14 +212,31 @@ def fit_areas(spots: Spots, prints: Prints, person: IntArray) -> AreaModel:
     order = np.argsort(error)
     weight = np.cumsum(np.exp(-error[order]))
     middle = error[order][np.searchsorted(weight, weight[-1] / 2)]
-    # About half of the spread is a person's own, and few people tell little about its size. Errors
-    # of people left out hold what the curves themselves do not know about the next one.
-    student = stats.t.ppf((1 + SHARE) / 2, len(people)) / stats.norm.ppf((1 + SHARE) / 2)
-    wider = np.sqrt((1.0 + student**2) / 2.0)
-    below, above = wider * np.quantile(error, [(1 - SHARE) / 2, (1 + SHARE) / 2])
+    ends = _ends(error) * _widening(error, person[good])
     area = _areas().fit(features, truth + middle)
     offset = _offsets().fit(spots.places[good], prints.centre_mm[good] - spots.centre_mm[good])
-    return AreaModel(area, offset, float(below - middle), float(above - middle))
+    below, above = (ends - middle).tolist()
+    return AreaModel(area, offset, below, above)
+
+
+def _ends(error: FloatArray) -> FloatArray:
+    """Ends (2,) between which 90 % of some errors lie."""
+    return np.quantile(error, [(1 - SHARE) / 2, (1 + SHARE) / 2])
+
+
+def _widening(error: FloatArray, person: IntArray) -> float:
+    """Least factor with which intervals from the others hold for 90 % of a person, on average.
+
+    A person's own errors have about as much in common as they differ: the ends between which 90 %
+    of a few people's errors lie are too narrow for the next one.
+    """
+    others = [(error[person == one], _ends(error[person != one])) for one in np.unique(person)]
+    for factor in WIDENINGS:
+        held = [((factor * low <= own) & (own <= factor * high)).mean()
+                for own, (low, high) in others]  # fmt: skip
+        if np.mean(held) >= SHARE:
+            break
+    return float(factor)
 
 
 def _areas() -> RegressorMixin:

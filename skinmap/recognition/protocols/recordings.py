@@ -3,34 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from skinmap.arrays import BoolArray
 from skinmap.errors import InvalidArrayError, SkinError
-from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.run import task_rng
 from skinmap.parallel.workers import ONE, Workers
 from skinmap.recognition.classifier import classifiers
 from skinmap.recognition.descriptors import Touch
 from skinmap.recognition.evaluate import likeliest
-from skinmap.recognition.protocols.folds import FoldKind, averaged, make_folds, recalls
+from skinmap.recognition.protocols.folds import FoldKind, averaged, make_folds, recalls, run_repeats
 from skinmap.recognition.protocols.results import AccuracyRow, LeakRow
 
 FOLDS = 4
 KINDS: tuple[FoldKind, ...] = ("plain", "event")
 TOGETHER = "+"  # joins the labels of touches at once
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Trial:
-    """One cross-validation: what a worker needs."""
-
-    classifier: str
-    touches: tuple[Touch, ...]
-    kind: FoldKind
-    folds: int
-    seed: int
 
 
 def check_spelling(labels: Sequence[str]) -> None:
@@ -111,16 +100,18 @@ def evaluate_recordings(
     for name in names:
         classifiers.get(name)
     trials = [
-        Trial(name, tuple(touches), kind, folds, seed)
+        {"classifier": name, "kind": kind, "seed": seed}
         for name in names
         for kind in KINDS
         for seed in seeds
     ]
-    found = run_tasks(run_trial, trials, workers=workers, progress=progress)
+    found = run_repeats(
+        run_trial, trials, workers=workers, progress=progress, touches=tuple(touches), folds=folds
+    )
     table: list[AccuracyRow] = []
     skipped: dict[str, str] = {}
     for place in range(0, len(found), len(seeds)):
-        name, repeats = trials[place].classifier, found[place : place + len(seeds)]
+        name, repeats = str(trials[place]["classifier"]), found[place : place + len(seeds)]
         rows = [one for one in repeats if isinstance(one, AccuracyRow)]
         if len(rows) == len(repeats):
             table.append(averaged(rows))
@@ -137,37 +128,39 @@ def evaluate_recordings(
     return table, leak, skipped
 
 
-def run_trial(trial: Trial) -> AccuracyRow | str:
+def run_trial(
+    classifier: str, kind: FoldKind, seed: int, *, touches: Sequence[Touch], folds: int
+) -> AccuracyRow | str:
     """Share named right of each label, or why the classifier cannot run on these touches."""
     try:
-        named, labels = _cross_validate(trial, task_rng(trial.seed))
+        named, labels = _cross_validate(classifier, kind, touches, folds, task_rng(seed))
     except SkinError as error:
         return str(error)
     per_class = recalls(labels, named, np.unique(labels).tolist())
     return AccuracyRow(
-        folds=trial.kind,
-        features=trial.classifier,
-        classifier=trial.classifier,
+        folds=kind,
+        features=classifier,
+        classifier=classifier,
         per_class=per_class,
         mean=float(np.mean(list(per_class.values()))),
-        touches=len(trial.touches),
+        touches=len(touches),
     )
 
 
-def _cross_validate(trial: Trial, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
-    labels = np.array([touch.label for touch in trial.touches])
-    own = np.arange(len(labels))
-    if trial.kind == "event":
-        splits = make_folds("event", labels, own, folds=trial.folds, rng=rng)
+def _cross_validate(
+    classifier: str, kind: FoldKind, touches: Sequence[Touch], folds: int, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    labels = np.array([touch.label for touch in touches])
+    if kind == "event":
+        splits = make_folds("event", labels, np.arange(len(labels)), folds=folds, rng=rng)
         sides = [
-            ([trial.touches[i] for i in train], [trial.touches[i] for i in test])
-            for train, test in splits
+            ([touches[i] for i in train], [touches[i] for i in test]) for train, test in splits
         ]
     else:
-        sides = _split_samples(trial.touches, trial.folds, rng)
+        sides = _split_samples(touches, folds, rng)
     named, truth = [], []
     for train, test in sides:
-        model = classifiers.get(trial.classifier)().fit(train, rng=rng)
+        model = classifiers.get(classifier)().fit(train, rng=rng)
         named += [likeliest(model, touch).label for touch in test]
         truth += [touch.label for touch in test]
     return np.array(named), np.array(truth)

@@ -17,8 +17,8 @@ from skinmap.errors import MessageError
 from skinmap.live.network.addresses import parse_address
 from skinmap.live.network.lsl_settings import read_description
 from skinmap.live.network.network_messages import Header, pack_info, read_json, unpack_info
+from skinmap.live.network.zmq_stream import ZmqSource
 from skinmap.live.sources.source import Source, StreamInfo
-from skinmap.live.sources.zmq_source import ZmqSource
 from skinmap.profile import read_profile
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.interaction.view_file import SavedView, load_settings, load_view, save_view

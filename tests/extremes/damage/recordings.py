@@ -32,13 +32,12 @@ from skinmap.io.recordings.learning import write_npz
 from skinmap.io.recordings.load_evidence import read_evidence
 from skinmap.io.recordings.mapping import read_mapping
 from skinmap.io.recordings.marks import Marks, read_marks
-from skinmap.io.recordings.readers import read_recordings
-from skinmap.io.recordings.touch_files import load_recordings
+from skinmap.io.recordings.touch_files import load_recordings, read_recordings
 from skinmap.io.recordings.xdf import read_xdf
 from skinmap.io.ros2.bag import read_bag, read_bag_mapping
 from skinmap.io.ros2.messages import Cloud, joints_message, read_joints
 from skinmap.io.taxels.cyskin import CySkin, write_cyskin
-from skinmap.live.sources.zenoh_source import CLOUD, values_of
+from skinmap.live.network.zenoh_stream import CLOUD, values_of
 from skinmap.memory_features import FEATURES
 from skinmap.parallel import ResumeStore
 from skinmap.recognition.check import planted_touches
@@ -350,7 +349,7 @@ TARGETS = [
             "skinmap.io.mcap.mcap_scan.read_chunk")),
     Target("mcap-touches", "t.mcap", lambda: [mcap("pressure")], load_recordings),
     Target("bag-mapping", "t.map.toml", lambda: [BAG_MAP], read_bag_mapping,
-           ("skinmap.io.ros2.bag.read_bag_mapping",)),
+           ("skinmap.io.ros2.bag.read_bag_mapping", "skinmap.io.text.read_toml")),
     Target("bag", "t.mcap", lambda: [mcap()], lambda p: read_bag(p).values[:],
            ("skinmap.io.ros2.bag.read_bag",), beside={"t.map.toml": lambda: OWN_MAP}),
     Target("ros2-cloud", "m", lambda: [cloud()], bag_row, ("skinmap.io.ros2.messages.read_cloud",)),
@@ -394,7 +393,7 @@ TARGETS = [
     *both("cache", "c.npz", lambda: [zipped(vertices=np.eye(3), faces=np.eye(3, dtype=int))], kept),
     Target("channel-table", "t.csv", lambda: [channel_table()], read_recordings,
            ("skinmap.io.recordings.channel_table.read_table",
-            "skinmap.io.recordings.readers.read_recordings"), {"t.toml": lambda: MAPPING}),
+            "skinmap.io.recordings.touch_files.read_recordings"), {"t.toml": lambda: MAPPING}),
     *both("channel-arrays", "t.npz",
           lambda: [zipped(values=values(), times=np.arange(SAMPLES) / RATE, channels=np.arange(N))],
           read_channels, ("skinmap.io.recordings.channel_table.read_arrays",),
@@ -411,7 +410,7 @@ TARGETS = [
     Target("marks", "t.csv", lambda: [MARKS], marks, ("skinmap.io.recordings.marks.read_marks",)),
     Target("resume", "r.npz", lambda: [kept_result()], resumed),
     *both("load", "l.npz", lambda: [loaded()], read_evidence,
-          ("skinmap.io.recordings.load_evidence.read_evidence",)),
+          ("skinmap.io.recordings.load_evidence.read_evidence", "skinmap.archive.read_arrays")),
     Target("load-csv", "l.csv", lambda: [ROWS], lambda p: read_evidence(p, needed=False)),
     *both("examined", "e.npz", lambda: [loaded()], read_examined,
           ("skinmap.soundness.track.read_track",)),

@@ -70,25 +70,17 @@ def test_standing_pose_keeps_the_robot_upright_within_its_limits(icub):
         assert turn[2, 2] > np.cos(np.radians(1.0))
 
 
-def test_links_have_fewer_triangles_the_coarser_the_detail(opengl, icub):
-    from viewer.drawing.body.body_view import BodyView
+def test_links_have_fewer_triangles_the_coarser_the_detail(opengl, icub, monkeypatch):
+    from viewer.drawing.body import body_view
     from viewer.drawing.frame.canvas import new_plotter
 
     poses, counts = icub.body.poses(icub.pose), []
     for detail in (5.0, 15.0, 45.0):  # the mesh itself is as fine as 2 px
         plotter = new_plotter((320, 240), True, panel=False)
-        body = BodyView(plotter, icub, ("chest",), poses, detail=detail)
+        monkeypatch.setattr(body_view, "GOOD_PX", detail)
+        body = body_view.BodyView(plotter, icub, ("chest",), poses)
         counts.append(sum(mesh.n_cells for mesh in body.meshes.values()))
         plotter.close()
     # A cell three times as wide covers nine of the smaller: at least half of their triangles go.
     assert counts[1] < counts[0] / 2
     assert counts[2] < counts[1] / 2
-
-
-@pytest.mark.parametrize("detail", [0.0, -1.0, float("nan"), float("inf")])
-def test_detail_must_be_a_size_in_pixels(detail):
-    from skinmap.errors import InvalidArrayError
-    from viewer.drawing.body.body_view import check_detail
-
-    with pytest.raises(InvalidArrayError, match="above 0 pixels"):
-        check_detail(detail)

@@ -9,7 +9,7 @@ import pytest
 
 from viewer import Layers
 from viewer.export.html_page import page
-from viewer.web.offline_page_data import pack_reel
+from viewer.web.sample import pack_reel
 from viewer.web.scene_data import make_scene
 
 STUCK, NOISY = [3, 4, 5], [60]

@@ -13,14 +13,12 @@ import pyvista as pv
 from vtkmodules.vtkRenderingCore import vtkDataSetMapper
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import InvalidArrayError
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.skin.robot import Robot
 from viewer.drawing.body.bare_body import Links, check_links, drawable
 from viewer.drawing.body.occlusion import Occluders
 from viewer.drawing.body.shading import shade
 from viewer.drawing.frame.camera import View, front_view, silhouette
-from viewer.drawing.frame.polydata import join
 from viewer.drawing.skin.skin_layer import SkinLayer
 
 GOOD_PX, QUICK_PX = 1.5, 13.0  # side of a cell within which vertices become one [px]
@@ -45,8 +43,6 @@ class BodyView:
         T_root_link.
     parts : iterable of str
         Parts shown: "skin" takes the links that carry them.
-    detail : float
-        Side of a cell of the good meshes [px].
     """
 
     def __init__(
@@ -56,19 +52,16 @@ class BodyView:
         links: Links,
         poses: Mapping[str, FloatArray],
         parts: tuple[str, ...] = (),
-        detail: float = GOOD_PX,
     ) -> None:
-        check_detail(detail)
         self.robot, self.poses = robot, poses
         self.links = check_links(robot, links, parts)
         corners = {link: box_corners(robot.mesh(link).vertices) for link in self.links}
         self._pixel = _size(corners, poses) / min(plotter.window_size)
-        self.meshes = {link: self._reduced(link, detail) for link in self.links}
+        self.meshes = {link: self._reduced(link, GOOD_PX) for link in self.links}
         self._good = {link: _mapper(mesh) for link, mesh in self.meshes.items()}
         # Kept: PyVista would wrap a mesh that nobody holds whenever its mapper is asked for it.
         self._coarse: dict[str, pv.PolyData] = {}
         self._quick: dict[str, vtkDataSetMapper] = {}
-        self._quick_px = max(detail, QUICK_PX)
         if not plotter.off_screen:
             # A still never needs them; a window at the first turn, which they would hold up then.
             self._make_quick()
@@ -86,7 +79,7 @@ class BodyView:
         return drawable(self.robot.mesh(link), cell=max(cell_px * self._pixel, FINEST))
 
     def _make_quick(self) -> None:
-        self._coarse = {link: self._reduced(link, self._quick_px) for link in self.links}
+        self._coarse = {link: self._reduced(link, QUICK_PX) for link in self.links}
         self._quick = {link: _mapper(mesh) for link, mesh in self._coarse.items()}
 
     def move(self, poses: Mapping[str, FloatArray]) -> None:
@@ -108,12 +101,6 @@ class BodyView:
         for link, actor in self.actors.items():
             actor.SetMapper((self._quick if quick else self._good)[link])
             shade(actor, behind=behind)
-
-    def placed(self) -> pv.PolyData:
-        """All links as one mesh, as they stand now [m]."""
-        return join(
-            [mesh.transform(self.poses[link], inplace=False) for link, mesh in self.meshes.items()]
-        )
 
     def points(self, layers: Mapping[str, SkinLayer]) -> FloatArray:
         """(n, 3) points all over body and skins, as they stand now [m]."""
@@ -167,19 +154,6 @@ def _mapper(mesh: pv.PolyData) -> vtkDataSetMapper:
     mapper.SetInputData(mesh)
     mapper.SetScalarVisibility(False)
     return mapper
-
-
-def check_detail(detail: float) -> float:
-    """How large the cells are within which vertices of links become one, in pixels.
-
-    Raises
-    ------
-    InvalidArrayError
-        A size that is not above 0, or not finite.
-    """
-    if not 0.0 < detail < float("inf"):
-        raise InvalidArrayError(f"detail must be a size above 0 pixels, got {detail}")
-    return float(detail)
 
 
 def box_corners(points: FloatArray) -> FloatArray:

@@ -232,19 +232,32 @@ def look_down(renderer: vtkRenderer, middle: FloatArray, metres: float) -> None:
 
 def project(renderer: vtkRenderer, points: FloatArray) -> FloatArray:
     """(n, 2) places of world points (n, 3) [m] in the renderer's picture [px], y upwards."""
-    T = _projection(renderer)
+    T = projection(renderer)
     x, y, w = T[[0, 1, 3], :3] @ points.T + T[[0, 1, 3], 3:]
     size = np.array(renderer.GetSize())
     return np.asarray((np.stack([x, y], axis=1) / w[:, None] + 1.0) / 2.0 * size)
 
 
-def _projection(renderer: vtkRenderer) -> FloatArray:
-    """(4, 4) from world points [m] to the picture, both sides of which are 1 from its middle."""
+def projection(renderer: vtkRenderer, nearest: float = -1.0) -> FloatArray:
+    """(4, 4) from world points [m] to the picture, both sides of which are 1 from its middle.
+
+    Depths run from `nearest` to 1.
+    """
     width, height = renderer.GetSize()
     matrix = renderer.GetActiveCamera().GetCompositeProjectionTransformMatrix(
-        width / height, -1.0, 1.0
+        width / height, nearest, 1.0
     )
     return np.array([[matrix.GetElement(i, j) for j in range(4)] for i in range(4)])
+
+
+def world_points(renderer: vtkRenderer, x: float, y: float) -> tuple[FloatArray, FloatArray]:
+    """World points (3,) [m] that a pixel of the window shows nearest and furthest."""
+    left, bottom = renderer.GetOrigin()
+    width, height = renderer.GetSize()
+    u, v = 2.0 * (x - left) / width - 1.0, 2.0 * (y - bottom) / height - 1.0
+    corners = np.array([[u, v, -1.0, 1.0], [u, v, 1.0, 1.0]])
+    near, far = np.linalg.solve(projection(renderer), corners.T).T
+    return near[:3] / near[3], far[:3] / far[3]
 
 
 class Framing:
@@ -341,7 +354,7 @@ class Framing:
         """Whether a ray through a place (2,) of the picture [px] meets the body."""
         start = np.array(self.renderer.GetActiveCamera().GetPosition())
         share = 2.0 * place / np.array(self.renderer.GetSize()) - 1.0
-        far = np.linalg.inv(_projection(self.renderer)) @ np.array([*share, 1.0, 1.0])
+        far = np.linalg.inv(projection(self.renderer)) @ np.array([*share, 1.0, 1.0])
         return self._body.blocks(start, far[:3] / far[3])
 
     def hidden(self, target: Target) -> bool:

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pyvista as pv
 from numpy.typing import ArrayLike, NDArray
-from vtkmodules.vtkFiltersCore import vtkAppendPolyData
+from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
+from vtkmodules.vtkCommonCore import vtkPoints
+from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 
 def make_mesh(points: ArrayLike, faces: NDArray[Any]) -> pv.PolyData:
@@ -20,18 +21,43 @@ def make_mesh(points: ArrayLike, faces: NDArray[Any]) -> pv.PolyData:
 
 def make_lines(points: ArrayLike, pairs: NDArray[Any]) -> pv.PolyData:
     """Segments between pairs (k, 2) of points (n, 3) [m]."""
-    build: Any = pv.PolyData
-    cells = np.column_stack([np.full(len(pairs), 2), pairs]).ravel()
-    mesh: pv.PolyData = build(np.asarray(points, np.float32), lines=cells)
+    # VTK's own ways: PyVista's checks take longer than all the rest.
+    mesh, places, cells = pv.PolyData(), vtkPoints(), vtkCellArray()
+    places.SetData(numpy_to_vtk(np.asarray(points, np.float32), deep=True))
+    cells.SetData(2, numpy_to_vtkIdTypeArray(np.asarray(pairs, np.int64).ravel(), deep=True))
+    mesh.SetPoints(places)
+    mesh.SetLines(cells)
     return mesh
 
 
-def join(meshes: Sequence[pv.PolyData]) -> pv.PolyData:
-    """All meshes as one."""
-    append = vtkAppendPolyData()
-    for mesh in meshes:
-        append.AddInputData(mesh)
-    if meshes:
-        append.Update()
-    joined: pv.PolyData = pv.wrap(append.GetOutput())
-    return joined
+def add_actor(
+    plotter: pv.Plotter,
+    mesh: pv.PolyData,
+    *,
+    colour: str = "white",
+    width: float = 1.0,
+    lit: bool = False,
+) -> pv.Actor:
+    """A mesh in a plotter's active renderer, in one colour; lines are so wide [px]."""
+    actor = pv.Actor(mapper=pv.DataSetMapper(mesh))
+    actor.mapper.SetScalarVisibility(False)
+    actor.prop.color, actor.prop.line_width = colour, width
+    actor.prop.lighting = lit
+    plotter.add_actor(actor, reset_camera=False, render=False)
+    return actor
+
+
+def show_cells(
+    target: pv.PolyData, mesh: pv.PolyData, colours: NDArray[np.uint8] | None = None
+) -> None:
+    """Make a mesh that is drawn another one, with colours (m, 3) of its cells if they differ.
+
+    What was empty and stays so is left alone: it would count as changed and be drawn anew.
+    """
+    if not (mesh.n_cells or target.n_cells):
+        return
+    if colours is not None:
+        tints = numpy_to_vtk(np.ascontiguousarray(colours), deep=True)
+        tints.SetName("colour")
+        mesh.GetCellData().SetScalars(tints)
+    target.ShallowCopy(mesh)

@@ -15,9 +15,8 @@ from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.touch.images.contact_image import ContactImageGeometry, taxel_grid
 from skinmap.touch.images.paper_image import SIZE, paper_images
 from viewer.colours import FAINT, PANEL, RIM, touch_colour
-from viewer.colours import faded as pale
 from viewer.drawing.frame.camera import look_down
-from viewer.drawing.frame.polydata import make_lines
+from viewer.drawing.frame.polydata import add_actor, make_lines
 from viewer.drawing.panel.touch_list import TouchList
 from viewer.drawing.skin.draw_positions import Places, flat_places, raised
 from viewer.drawing.skin.refinement import boundary_edges
@@ -86,16 +85,9 @@ class FlatPanel:
         self._places: dict[str, Places] = {}
         self._grounds: dict[str, Ground] = {}
         self.drawing = TaxelDrawing(plotter, table)
-        self._border = pv.Actor(mapper=pv.DataSetMapper(pv.PolyData()))
-        self._scale = pv.Actor(mapper=pv.DataSetMapper(pv.PolyData()))
-        for actor, colour in ((self._border, RIM), (self._scale, FAINT)):
-            actor.mapper.SetScalarVisibility(False)
-            actor.prop.color = colour
-            actor.prop.line_width = 1.5
-            actor.prop.lighting = False
-            plotter.add_actor(actor, reset_camera=False, render=False)
-        self.marks, self.rings = TouchMarks(plotter), Rings(plotter)
-        self.marks.actor.prop.lighting = False
+        self._border = add_actor(plotter, pv.PolyData(), colour=RIM, width=1.5)
+        self._scale = add_actor(plotter, pv.PolyData(), colour=FAINT, width=1.5)
+        self.marks, self.rings = TouchMarks(plotter, lit=False), Rings(plotter)
         # The contact image of the second paper, pixel for pixel: not a thing of the scene.
         self._image, self._levels = vtkActor2D(), vtkImageMapper()
         self._image.SetMapper(self._levels)
@@ -253,10 +245,7 @@ class FlatPanel:
             outline = self.contours.of(ground, layer, touch, touches, LINE_RISE)
             lines.append((outline, touch_colour(touch)))
             solids += centre_on(ground, touch)
-        if faded:
-            lines = [(points, pale(colour)) for points, colour in lines]
-            solids = [(points, faces, pale(colour)) for points, faces, colour in solids]
-        self.marks.show(lines, solids)
+        self.marks.show(lines, solids, faded=faded)
         self.list.show(touches, time, faded=faded)
 
     def show_selection(self, selection: Mapping[str, IntArray], *, plotted: bool = False) -> None:

@@ -199,12 +199,9 @@ def _up(n: int) -> FloatArray:
     return np.tile([0.0, 0.0, 1.0], (n, 1))
 
 
-def hexagons(centres: FloatArray, normals: FloatArray, radius: float) -> pv.PolyData:
-    """Regular hexagons (n of them) around centres (n, 3), facing their normals (n, 3) [m]."""
-    return polygons(centres, normals, radius, 6)
-
-
-def polygons(centres: FloatArray, normals: FloatArray, radius: float, corners: int) -> pv.PolyData:
+def polygons(
+    centres: FloatArray, normals: FloatArray, radius: float, corners: int = 6
+) -> pv.PolyData:
     """Regular polygons (n of them) around centres (n, 3), facing their normals (n, 3) [m]."""
     angle = np.arange(corners) * 2 * np.pi / corners
     ring = np.column_stack([np.cos(angle), np.sin(angle)]) @ tangent_frames(normals)

@@ -12,7 +12,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import transform_directions, transform_points
 from viewer.colours import RIM
 from viewer.drawing.body.shading import light
-from viewer.drawing.frame.polydata import make_mesh
+from viewer.drawing.frame.polydata import add_actor, make_mesh
 from viewer.drawing.skin.skin_layer import SkinLayer
 from viewer.drawing.skin.taxel_drawing import (
     SIGNS,
@@ -62,19 +62,16 @@ class SkinView:
         self._shells: dict[bool, pv.DataSetMapper] = {}
         self.drawing = TaxelDrawing(plotter, table)
         self.drawing.turn_to(layer.places)
-        self.actors, self.resting = list(self.drawing.actors), list(self.drawing.resting)
+        self.actors = list(self.drawing.actors)
         if layer.shell.n_cells:
             quick = layer.edge if backed else layer.shell
-            self._shells = {False: pv.DataSetMapper(layer.shell), True: pv.DataSetMapper(quick)}
-            for mapper in self._shells.values():
-                mapper.SetScalarVisibility(False)
-            shell = pv.Actor(mapper=self._shells[False])
-            shell.prop.color = RIM
+            self._shells = {True: pv.DataSetMapper(quick)}
+            self._shells[True].SetScalarVisibility(False)
+            shell = add_actor(plotter, layer.shell, colour=RIM, lit=True)
+            self._shells[False] = shell.mapper
             shell.prop.culling = "back"
             light(shell)
-            plotter.add_actor(shell, reset_camera=False, render=False)
             self.actors.append(shell)
-            self.resting.append(shell)
             self._shell = shell
         self.values = np.full(len(layer.skin), np.nan)
         self.empty = True  # nothing is known of any taxel
@@ -99,15 +96,18 @@ class SkinView:
         self.empty = not np.isfinite(values).any()
         smooth = style == "surface" and not layer.categories
         self.field = self.layer.field(values) if smooth else None
-        self.drawing.show(layer, style, self.field, values)
         self._shown = layer, style
+        self._draw()
         return True
+
+    def _draw(self) -> None:
+        if self._shown is not None:
+            self.drawing.show(*self._shown, self.field, self.values)
 
     def join(self, joined: bool) -> None:
         """Leave the sheet to who draws those of all parts, or draw it here."""
         self.drawing.joined = joined
-        if self._shown is not None:
-            self.drawing.show(*self._shown, self.field, self.values)
+        self._draw()
 
     def detail(self, quick: bool) -> None:
         """Draw fewer triangles, for while the picture moves, or all of them."""
@@ -115,8 +115,7 @@ class SkinView:
             self.drawing.quick = quick
             if self._shells:
                 self._shell.SetMapper(self._shells[quick])
-            if self._shown is not None:
-                self.drawing.show(*self._shown, self.field, self.values)
+            self._draw()
 
 
 def signs_of(data: Layers, part: str, values: FloatArray) -> tuple[IntArray, list[str]]:

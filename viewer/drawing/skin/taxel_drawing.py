@@ -6,6 +6,7 @@ Body and flat map are drawn by the same code from the same values, so they canno
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from skinmap.errors import UnknownNameError
 from skinmap.geometry.triangles import unit
 from viewer.colours import DOT, INK, SHEET, UNKNOWN, rgb
 from viewer.drawing.body.shading import flat, light
-from viewer.drawing.frame.polydata import make_mesh
+from viewer.drawing.frame.polydata import add_actor, make_mesh
 from viewer.drawing.skin.draw_positions import DISC_SHARE, Places, polygons
 from viewer.drawing.skin.refinement import unsplit
 from viewer.layers import Layer
@@ -127,16 +128,16 @@ class TaxelDrawing:
 
     def __init__(self, plotter: pv.Plotter, table: ColourTable) -> None:
         self.table = table
-        empty = pv.PolyData()
+        add = partial(new_actor, plotter, pv.PolyData(), table)
         # Under discs: of one colour, so that it may rest while the discs change.
-        self.ground = self._add(plotter, empty, None)
+        self.ground = add(None)
         self.ground.prop.color = SHEET
-        self.sheet = self._add(plotter, empty, "point")
-        self.cells = self._add(plotter, empty, "cell")
-        self.discs = self._add(plotter, empty, "cell")
-        self.dots = self._add(plotter, empty, None)
+        self.sheet = add("point")
+        self.cells = add("cell")
+        self.discs = add("cell")
+        self.dots = add(None)
         self.dots.prop.color = DOT
-        self.signs = [self._add(plotter, empty, None) for _ in range(2)]
+        self.signs = [add(None) for _ in range(2)]
         for actor, colour in zip(self.signs, ("white", INK), strict=True):
             actor.prop.color = colour
         for actor in (self.dots, *self.signs):
@@ -148,11 +149,6 @@ class TaxelDrawing:
         self._made: dict[tuple[int, str], pv.PolyData] = {}
         self._drawn: dict[pv.Actor, tuple[int, str]] = {}
         self._signed: tuple[Any, ...] = ()
-
-    @property
-    def resting(self) -> tuple[pv.Actor, ...]:
-        """Those that look the same whatever the taxels feel."""
-        return (self.ground, self.dots)
 
     @property
     def actors(self) -> tuple[pv.Actor, ...]:
@@ -168,9 +164,6 @@ class TaxelDrawing:
     def sheet_kind(self) -> str:
         """Which sheet is drawn: "fine" or "coarse"."""
         return "coarse" if self.coarse or self.quick else "fine"
-
-    def _add(self, plotter: pv.Plotter, mesh: pv.PolyData, scalars: str | None) -> pv.Actor:
-        return new_actor(plotter, mesh, self.table, scalars)
 
     def turn_to(self, places: Places) -> None:
         """Draw another part, or the same one elsewhere."""
@@ -248,11 +241,9 @@ def new_actor(
     plotter: pv.Plotter, mesh: pv.PolyData, table: ColourTable, scalars: str | None
 ) -> pv.Actor:
     """An actor of one colour, or coloured by the values of "point" or "cell"."""
-    actor = pv.Actor(mapper=pv.DataSetMapper(mesh))
+    actor = add_actor(plotter, mesh, lit=True)
     mapper: Any = actor.mapper
-    if scalars is None:
-        mapper.SetScalarVisibility(False)
-    else:
+    if scalars is not None:
         mapper.SetLookupTable(table.vtk)
         mapper.SetUseLookupTableScalarRange(True)
         mapper.SetColorModeToMapScalars()
@@ -266,7 +257,6 @@ def new_actor(
     # Matt, lightly shaded: the colour must stay readable as a value.
     prop.ambient, prop.diffuse, prop.specular = 0.5, 0.52, 0.0
     prop.interpolation = "Gouraud"
-    plotter.add_actor(actor, reset_camera=False, render=False)
     prop.culling = "back"
     return actor
 

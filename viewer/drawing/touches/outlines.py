@@ -7,14 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import pyvista as pv
-from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-from vtkmodules.vtkCommonCore import vtkPoints
-from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.touch.contacts.skin_geometry import ACTIVE
-from viewer.colours import rgb
+from viewer.colours import repeated
+from viewer.drawing.frame.polydata import add_actor, make_lines, show_cells
 from viewer.drawing.skin.skin_layer import HALF, SkinLayer
 
 PEAK_SHARE = 0.25  # of a touch's largest pressure: where its outline runs, if above the noise
@@ -117,39 +115,17 @@ class OutlineLayer:
     def __init__(self, plotter: pv.Plotter) -> None:
         self.lines = pv.PolyData()
         self.actors = []
-        for width, halo in ((HALO, True), (WIDTH, False)):
-            actor = pv.Actor(mapper=pv.DataSetMapper(self.lines))
-            actor.prop.line_width = width
-            actor.prop.lighting = False
-            actor.prop.render_lines_as_tubes = False
-            actor.mapper.SetScalarVisibility(not halo)
-            # Both lie on the sheet: the halo is pushed back, the line pulled forward.
+        # Both lie on the sheet: the halo is pushed back, the line pulled forward.
+        for width, coloured, offset in ((HALO, False, 0.0), (WIDTH, True, -20.0)):
+            actor = add_actor(plotter, self.lines, width=width)
+            actor.mapper.SetScalarVisibility(coloured)
             actor.mapper.SetResolveCoincidentTopologyToPolygonOffset()
-            offset = 0.0 if halo else -20.0
             actor.mapper.SetRelativeCoincidentTopologyLineOffsetParameters(0.0, offset)
-            actor.prop.color = "white"
-            plotter.add_actor(actor, reset_camera=False, render=False)
             self.actors.append(actor)
 
-    def show(self, segments: Sequence[FloatArray], colours: Sequence[str]) -> None:
-        """Draw segments (k, 2, 3) [m] of each touch in its colour; replaces what was there."""
-        if not sum(len(part) for part in segments):
-            if self.lines.n_cells:
-                self.lines.Initialize()
-            return
-        points = np.concatenate([part.reshape(-1, 3) for part in segments])
-        tints = [
-            np.tile(np.rint(rgb(colour) * 255).astype(np.uint8), (len(part), 1))
-            for part, colour in zip(segments, colours, strict=True)
-        ]
-        count = len(points) // 2
-        self.lines.Initialize()
-        # VTK's own ways: PyVista's checks take longer than all the rest.
-        places, cells = vtkPoints(), vtkCellArray()
-        places.SetData(numpy_to_vtk(points.astype(np.float32), deep=True))
-        cells.SetData(2, numpy_to_vtkIdTypeArray(np.arange(2 * count), deep=True))
-        self.lines.SetPoints(places)
-        self.lines.SetLines(cells)
-        colour = numpy_to_vtk(np.concatenate(tints), deep=True)
-        colour.SetName("colour")
-        self.lines.GetCellData().SetScalars(colour)
+    def show(self, lines: Sequence[tuple[FloatArray, str]]) -> None:
+        """Draw segments (k, 2, 3) [m], each some in their colour; replaces what was there."""
+        ends = np.concatenate([np.zeros((0, 2, 3)), *(part for part, _ in lines)])
+        mesh = make_lines(ends.reshape(-1, 3), np.arange(2 * len(ends)).reshape(-1, 2))
+        tints = repeated([colour for _, colour in lines], [len(part) for part, _ in lines])
+        show_cells(self.lines, mesh, tints)

@@ -10,13 +10,13 @@ import numpy as np
 import pyvista as pv
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from vtkmodules.util.numpy_support import numpy_to_vtk
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import tangent_frames, transform_directions, transform_points
 from skinmap.live.contacts.named_touch import NamedTouch
-from viewer.colours import INK, TRACES, rgb, touch_colour
-from viewer.drawing.frame.polydata import make_mesh
+from viewer.colours import INK, TRACES, mixed, repeated, rgb, touch_colour
+from viewer.colours import faded as pale
+from viewer.drawing.frame.polydata import add_actor, make_mesh, show_cells
 from viewer.drawing.skin.draw_positions import LIFT, Places
 from viewer.drawing.skin.refinement import boundary_edges
 from viewer.drawing.skin.skin_layer import LINE_LIFT, SkinLayer
@@ -93,19 +93,19 @@ class TouchMarks:
         Its active renderer shows them.
     """
 
-    def __init__(self, plotter: pv.Plotter) -> None:
+    def __init__(self, plotter: pv.Plotter, *, lit: bool = True) -> None:
         self.outlines = OutlineLayer(plotter)
         self.solids = pv.PolyData()
-        actor = pv.Actor(mapper=pv.DataSetMapper(self.solids))
-        actor.mapper.SetScalarModeToUseCellData()
+        actor = add_actor(plotter, self.solids, lit=lit)
+        actor.mapper.SetScalarVisibility(True)
         actor.prop.ambient, actor.prop.diffuse = 0.65, 0.4
-        plotter.add_actor(actor, reset_camera=False, render=False)
-        self.actor = actor
 
     def show(
         self,
         lines: Sequence[tuple[FloatArray, str]],
         solids: Sequence[tuple[FloatArray, IntArray, str]],
+        *,
+        faded: bool = False,
     ) -> None:
         """Replace all marks.
 
@@ -115,24 +115,19 @@ class TouchMarks:
             Segments [m] and their colour.
         solids : sequence of ((p, 3) float, (t, 3) int, str)
             Points [m], triangles and their colour.
+        faded : bool
+            Whether colours are paler: nothing new is heard.
         """
-        self.outlines.show([part for part, _ in lines], [colour for _, colour in lines])
-        if not solids and self.solids.n_cells == 0:
-            return
-        self.solids.Initialize()
-        if not solids:
-            return
+        tone = pale if faded else str
+        self.outlines.show([(part, tone(colour)) for part, colour in lines])
         starts = np.cumsum([0, *[len(points) for points, _, _ in solids]])
         faces = [faces + start for (_, faces, _), start in zip(solids, starts, strict=False)]
-        mesh = make_mesh(np.concatenate([p for p, _, _ in solids]), np.concatenate(faces))
-        tints = [np.tile(tint(colour), (len(f), 1)) for _, f, colour in solids]
-        mesh.GetCellData().SetScalars(numpy_to_vtk(np.concatenate(tints), deep=True))
-        self.solids.ShallowCopy(mesh)
-
-
-def tint(colour: str) -> NDArray[np.uint8]:
-    """(3,) a colour as bytes."""
-    return np.rint(rgb(colour) * 255).astype(np.uint8)
+        mesh = make_mesh(
+            np.concatenate([np.zeros((0, 3)), *(points for points, _, _ in solids)]),
+            np.concatenate([np.zeros((0, 3), np.int64), *faces]),
+        )
+        tints = repeated([tone(colour) for _, _, colour in solids], [len(f) for f in faces])
+        show_cells(self.solids, mesh, tints)
 
 
 def contour_on(ground: Ground, values: FloatArray, level: float, lift: float) -> FloatArray:
@@ -150,7 +145,10 @@ def trail_on(ground: Ground, touch: NamedTouch, lift: float) -> list[tuple[Float
     pieces = np.array_split(segments, min(PIECES, max(len(segments), 1)))
     colour = touch_colour(touch)
     shades = np.linspace(PALE, 0.0, len(pieces))
-    return [(piece, paler(colour, shade)) for piece, shade in zip(pieces, shades, strict=True)]
+    return [
+        (piece, mixed(colour, "#ffffff", shade))
+        for piece, shade in zip(pieces, shades, strict=True)
+    ]
 
 
 def carried_steps(ground: Ground, path: FloatArray, lift: float) -> FloatArray:
@@ -175,12 +173,6 @@ def carried_steps(ground: Ground, path: FloatArray, lift: float) -> FloatArray:
         kept.append(pieces[whole])
         order.append(row + np.flatnonzero(whole) / FINE)
     return np.concatenate(kept)[np.argsort(np.concatenate(order), kind="stable")]
-
-
-def paler(colour: str, share: float) -> str:
-    """A colour on its way to white."""
-    red, green, blue = np.rint(255 * (share + (1 - share) * rgb(colour))).astype(int)
-    return f"#{red:02x}{green:02x}{blue:02x}"
 
 
 def centre_on(ground: Ground, touch: NamedTouch) -> list[tuple[FloatArray, IntArray, str]]:
@@ -213,10 +205,10 @@ def arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, IntArra
 
 def motion_arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, IntArray, str]]:
     """An arrow over the skin where a touch moves, longer the faster; none of one that stays."""
-    if touch.normal is None or touch.motion is None or touch.motion.heading == "still":
+    if touch.normal is None or (way := motion_way(touch)) is None:
         return []
-    ahead = touch.motion.velocity / touch.motion.speed
-    points, faces = solid_arrow(round(reach_of(touch), 3))
+    ahead, reach = way
+    points, faces = solid_arrow(round(reach, 3))
     side = np.cross(ahead, touch.normal)
     axes = np.stack([MOTION_THICK * side, MOTION_THICK * np.cross(side, ahead), ahead])
     start = transform_points(pose, (touch.centre + ABOVE * touch.normal)[None])
@@ -225,10 +217,10 @@ def motion_arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, 
 
 def motion_line(ground: Ground, touch: NamedTouch, lift: float) -> list[tuple[FloatArray, str]]:
     """The same as lines on the flat map."""
-    if touch.normal is None or touch.motion is None or touch.motion.heading == "still":
+    if touch.normal is None or (way := motion_way(touch)) is None:
         return []
-    ahead = touch.motion.velocity / touch.motion.speed
-    side, reach = np.cross(ahead, touch.normal), reach_of(touch)
+    ahead, reach = way
+    side = np.cross(ahead, touch.normal)
     tip = touch.centre + reach * ahead
     barbs = [tip + 0.3 * reach * (sign * 0.5 * side - ahead) for sign in (-1.0, 1.0)]
     along = np.linspace(0.0, 1.0, 8)[:, None]
@@ -237,10 +229,12 @@ def motion_line(ground: Ground, touch: NamedTouch, lift: float) -> list[tuple[Fl
     return [(carried_steps(ground, way, lift), colour) for way in ways]
 
 
-def reach_of(touch: NamedTouch) -> float:
-    """Length of the arrow of a touch that moves [m]."""
-    speed = 0.0 if touch.motion is None else touch.motion.speed
-    return float(np.clip(AHEAD * speed, NEAREST, FARTHEST))
+def motion_way(touch: NamedTouch) -> tuple[FloatArray, float] | None:
+    """Direction (3,) and length [m] of the arrow of a touch that moves; None of one that stays."""
+    if touch.motion is None or touch.motion.heading == "still":
+        return None
+    speed = touch.motion.speed
+    return touch.motion.velocity / speed, float(np.clip(AHEAD * speed, NEAREST, FARTHEST))
 
 
 @lru_cache(maxsize=64)
@@ -294,14 +288,13 @@ class Rings:
 
     def __init__(self, plotter: pv.Plotter) -> None:
         self.mesh = pv.PolyData()
-        self.actor = pv.Actor(mapper=pv.DataSetMapper(self.mesh))
-        self.actor.mapper.SetScalarModeToUseCellData()
-        self.actor.prop.lighting = False
-        plotter.add_actor(self.actor, reset_camera=False, render=False)
+        add_actor(plotter, self.mesh).mapper.SetScalarVisibility(True)
 
     def show(self, parts: Sequence[tuple[Places, IntArray, FloatArray]]) -> None:
         """Ring taxels (k,) of parts placed by poses (4, 4), and no others."""
-        points, colours = [], []
+        if not (parts or self.mesh.n_cells):
+            return
+        points, colours = [np.zeros((0, 4, 3))], [np.zeros((0, 3))]
         for places, taxels, pose in parts:
             rows = np.flatnonzero(np.isin(places.taxels, taxels))
             order = np.searchsorted(taxels, places.taxels[rows])
@@ -317,16 +310,10 @@ class Rings:
                 points.append(turned.reshape(-1, 4, 3))
                 tint = np.full((len(rows), 3), 1.0) if white else trace_colours(order, len(taxels))
                 colours.append(np.repeat(tint, RING_SIDES, axis=0))
-        if not points and self.mesh.n_cells == 0:
-            return
-        self.mesh.Initialize()
-        if not points:
-            return
         corners = np.concatenate(points)
-        ringed = make_mesh(corners.reshape(-1, 3), np.arange(4 * len(corners)).reshape(-1, 4))
+        mesh = make_mesh(corners.reshape(-1, 3), np.arange(4 * len(corners)).reshape(-1, 4))
         tints: NDArray[np.uint8] = np.rint(np.concatenate(colours) * 255).astype(np.uint8)
-        ringed.GetCellData().SetScalars(numpy_to_vtk(tints, deep=True))
-        self.mesh.ShallowCopy(ringed)
+        show_cells(self.mesh, mesh, tints)
 
 
 def trace_colours(order: IntArray, count: int) -> FloatArray:

@@ -94,10 +94,7 @@ class TouchView:
             anchors.append(centre + (LIFT + LINE_LIFT) * normal)
         self._anchors = np.array(anchors).reshape(-1, 3)
         self._tips = np.array(tips).reshape(-1, 3)
-        if faded:
-            lines = [(points, pale(colour)) for points, colour in lines]
-            solids = [(points, faces, pale(colour)) for points, faces, colour in solids]
-        self.marks.show(lines, solids)
+        self.marks.show(lines, solids, faded=faded)
 
     def write_labels(
         self,

@@ -38,7 +38,6 @@ class Line:
         font_px: int,
         *,
         bold: bool = False,
-        centred: bool = False,
         colour: str = INK,
     ) -> None:
         self.renderer = renderer
@@ -48,8 +47,6 @@ class Line:
         style.SetBold(bold)
         style.SetColor(*rgb(colour))
         style.SetVerticalJustificationToTop()
-        if centred:
-            style.SetJustificationToCentered()
         self.actor.GetPositionCoordinate().SetCoordinateSystemToNormalizedViewport()
         self.actor.SetPosition(*place)
         renderer.AddViewProp(self.actor)
@@ -79,11 +76,11 @@ class Line:
         if colour is not None:
             text.SetBackgroundColor(*rgb(colour))
 
-    def back(self, colour: str = BACKGROUND) -> None:
+    def back(self, colour: str = BACKGROUND, opacity: float = BACKED) -> None:
         """Let the ground shine through behind the text: it stays readable over the body."""
         text = self.actor.GetTextProperty()
         text.SetBackgroundColor(*rgb(colour))
-        text.SetBackgroundOpacity(BACKED)
+        text.SetBackgroundOpacity(opacity)
 
     def move(self, x: float, y: float) -> None:
         """Place its left (or middle) upper end [px], y upwards."""

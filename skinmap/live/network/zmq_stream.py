@@ -3,17 +3,28 @@
 from __future__ import annotations
 
 import logging
+import secrets
+import threading
 import time
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.errors import MessageError, SkinMismatchError, UnreachableError
+from skinmap.arrays import FloatArray
+from skinmap.errors import MessageError, OutputError, SkinError, SkinMismatchError, UnreachableError
 from skinmap.live.network.addresses import Address, parse_address, warn_if_open
-from skinmap.live.network.network_messages import Header, unpack_header, unpack_info, unpack_values
+from skinmap.live.network.network_messages import (
+    DTYPES,
+    Header,
+    dtype_code,
+    pack_info,
+    unpack_header,
+    unpack_info,
+    unpack_values,
+)
+from skinmap.live.publishing.publish import HEARTBEAT, Publisher, Topic, repeated
 from skinmap.live.sources.receiver import SILENT, follow
 from skinmap.live.sources.source import MAX_BLOCK, Block, Source, StreamInfo, check_skin
 from skinmap.skin.robot import Robot
@@ -34,8 +45,8 @@ class ZmqSource(Source):
     address : Address
     wait : float
         For its description [s].
-    accept : callable, optional
-        Looks at the description before any sample is asked for; what it raises is raised.
+    robot : Robot, optional
+        Whose skin it must be, by the description.
 
     Raises
     ------
@@ -49,13 +60,7 @@ class ZmqSource(Source):
     To be read from one thread: `open_zmq` puts a `Receiver` around it.
     """
 
-    def __init__(
-        self,
-        address: Address,
-        *,
-        wait: float = WAIT,
-        accept: Callable[[StreamInfo], object] | None = None,
-    ) -> None:
+    def __init__(self, address: Address, *, wait: float = WAIT, robot: Robot | None = None) -> None:
         import zmq
 
         warn_if_open(address, "reading from")
@@ -63,8 +68,8 @@ class ZmqSource(Source):
         self._context = zmq.Context()
         try:
             self._description, info = self._ask(wait)
-            if accept is not None:
-                accept(info)
+            if robot is not None:
+                check_skin(info, robot)
             super().__init__(info)
             self._last_seen = time.perf_counter()
             self._socket = self._subscribe()
@@ -73,7 +78,6 @@ class ZmqSource(Source):
             raise
         self._session: int | None = None
         self._sequence = -1
-        self._silent_since: float | None = None
 
     @property
     def alive(self) -> bool:
@@ -220,14 +224,88 @@ class ZmqSource(Source):
 
 
 def open_zmq(
-    address: str,
-    *,
-    robot: Robot | None,
-    parts: Sequence[str] | None,
-    seed: int,
-    speed: float,
-    loop: bool,
+    address: str, *, robot: Robot | None, parts: Sequence[str] | None, **_: object
 ) -> Source:
     """Follow "HOST:PORT" or "PORT" in a thread; see `skinmap.live.open_source`."""
-    accept = None if robot is None else partial(check_skin, robot=robot)
-    return follow(ZmqSource(parse_address(address), accept=accept), parts)
+    return follow(ZmqSource(parse_address(address), robot=robot), parts)
+
+
+LINGER = 200  # for what is on its way when the publisher closes [ms]
+QUEUED_BYTES = 16_000_000  # for a follower who reads too slowly, before it loses samples
+
+
+class ZmqPublisher(Publisher):
+    """A PUB socket bound to an address; see docs/live.md for its messages.
+
+    Parameters
+    ----------
+    address : str
+        "PORT" or "HOST:PORT".
+    info : StreamInfo
+    topics : sequence of str
+    robot : Robot, optional
+        Not needed.
+
+    Raises
+    ------
+    OutputError
+        The port is in use, or the address is not of this machine.
+    """
+
+    def __init__(
+        self, address: str, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None = None
+    ) -> None:
+        import zmq
+
+        super().__init__(info, topics)
+        self._address = parse_address(address)
+        warn_if_open(self._address, "every machine on the network can read the stream at")
+        self._context = zmq.Context()
+        self._socket = self._context.socket(zmq.PUB)
+        # Bounded by bytes: so many float32 samples of this skin.
+        self._socket.sndhwm = int(np.clip(QUEUED_BYTES // (4 * info.channels), 16, 10_000))
+        self._socket.linger = 0
+        try:
+            self._socket.bind(self._address.endpoint)
+        except zmq.ZMQError as error:
+            self._context.destroy(linger=0)
+            raise _refused(self._address.endpoint, error) from error
+        self._session = secrets.randbits(32)
+        self._sequences: dict[str, int] = {}
+        self._info = pack_info(info, session=self._session, heartbeat=HEARTBEAT)
+        self._sending = threading.Lock()
+        self._stop_beating = repeated(HEARTBEAT, self._beat)
+
+    def _send_samples(self, topic: Topic, times: FloatArray, values: NDArray[Any]) -> None:
+        code = dtype_code(values)
+        rows = np.ascontiguousarray(values, DTYPES[code])
+        with self._sending:
+            first = self._sequences.get(topic, 0)
+            for step, (moment, row) in enumerate(zip(times.tolist(), rows, strict=True)):
+                header = Header(
+                    code, len(row), self._session, first + step, moment, time.perf_counter()
+                )
+                self._socket.send_multipart([topic.encode(), header.pack(), row.tobytes()])
+            self._sequences[topic] = first + len(rows)
+
+    def _send_text(self, topic: Topic, time: float, text: str) -> None:
+        with self._sending:
+            self._socket.send_multipart([topic.encode(), text.encode()])
+
+    def close(self) -> None:
+        """Stop the heartbeat and give the port back; may be called twice."""
+        self._stop_beating()
+        with self._sending:
+            self._context.destroy(linger=LINGER)
+
+    def _beat(self) -> None:
+        with self._sending:
+            self._socket.send_multipart([b"info", self._info])
+
+
+def _refused(endpoint: str, error: Any) -> SkinError:
+    import errno
+
+    if error.errno == errno.EADDRINUSE:
+        return OutputError(f"cannot publish at {endpoint}: the port is in use; choose another")
+    return OutputError(f"cannot publish at {endpoint}: {error}")

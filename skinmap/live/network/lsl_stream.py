@@ -2,20 +2,39 @@
 
 from __future__ import annotations
 
+import hashlib
 import socket
 import threading
 import time
-from collections.abc import Callable, Sequence
+import warnings
+from collections.abc import Sequence
 from contextlib import suppress
-from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from skinmap.errors import MessageError, SkinMismatchError, UnknownNameError, UnreachableError
-from skinmap.live.network.lsl_settings import load_lsl, read_description, split_scope
+from skinmap.arrays import FloatArray
+from skinmap.errors import (
+    MessageError,
+    OutputError,
+    SkinMismatchError,
+    SkinWarning,
+    UnknownNameError,
+    UnreachableError,
+)
+from skinmap.live.network.lsl_settings import (
+    TEXT_TYPE,
+    TYPE,
+    describe,
+    keep_on_loopback,
+    load_lsl,
+    read_description,
+    split_scope,
+)
+from skinmap.live.publishing.publish import Publisher, Topic
 from skinmap.live.sources.receiver import SILENT, follow
-from skinmap.live.sources.source import MAX_BLOCK, Block, Source, StreamInfo, check_skin
+from skinmap.live.sources.source import MAX_BLOCK, Block, Source, StreamInfo, check_skin, skin_of
 from skinmap.skin.robot import Robot
 
 WAIT = 2.0  # for a stream of that name [s]
@@ -37,8 +56,8 @@ class LslSource(Source):
     address : str
         "NAME" or "NAME#UID" (the beginning of its identifier is enough where a name is not
         unique), behind "//any/" or "//HOST/" for other machines' streams.
-    accept : callable, optional
-        Looks at the description before any sample is asked for; what it raises is raised.
+    robot : Robot, optional
+        Whose skin it must be, by the description.
 
     Raises
     ------
@@ -54,13 +73,11 @@ class LslSource(Source):
     To be read from one thread: `open_lsl` puts a `Receiver` around it.
     """
 
-    def __init__(
-        self, address: str, *, accept: Callable[[StreamInfo], object] | None = None
-    ) -> None:
+    def __init__(self, address: str, *, robot: Robot | None = None) -> None:
         scope, name = split_scope(address)
         self._lsl = load_lsl(scope)
         self._name, _, self._uid = name.partition("#")
-        self._accept = accept
+        self._robot = robot
         self._inlet, info = self._open(self._find())
         super().__init__(info)
         self._last_seen = time.perf_counter()
@@ -133,8 +150,8 @@ class LslSource(Source):
         inlet = lsl.StreamInlet(found, max_buflen=BUFFERED, recover=False)
         try:
             info = read_description(inlet.info(ANSWER))
-            if self._accept is not None:
-                self._accept(info)
+            if self._robot is not None:
+                check_skin(info, self._robot)
             inlet.open_stream(ANSWER)
         except (lsl.util.TimeoutError, lsl.util.LostError) as error:
             raise UnreachableError(
@@ -155,13 +172,7 @@ class LslSource(Source):
             inlet, info = self._open(found[0])
         except (UnreachableError, MessageError):
             return False
-        mine = self._info
-        if (info.parts, info.widths, info.kind, info.fingerprints) != (
-            mine.parts,
-            mine.widths,
-            mine.kind,
-            mine.fingerprints,
-        ):
+        if skin_of(info) != skin_of(self._info):
             raise SkinMismatchError(
                 f"LSL stream {self._name!r} came back with another skin: {info.channels} "
                 f"{info.kind} channels of {', '.join(info.parts)}"
@@ -186,14 +197,112 @@ class LslSource(Source):
 
 
 def open_lsl(
-    address: str,
-    *,
-    robot: Robot | None,
-    parts: Sequence[str] | None,
-    seed: int,
-    speed: float,
-    loop: bool,
+    address: str, *, robot: Robot | None, parts: Sequence[str] | None, **_: object
 ) -> Source:
     """Follow a stream in a thread; see `skinmap.live.open_source`."""
-    accept = None if robot is None else partial(check_skin, robot=robot)
-    return follow(LslSource(address, accept=accept), parts)
+    return follow(LslSource(address, robot=robot), parts)
+
+
+TAKEN = 0.3  # so long a stream of the same name is looked for [s]
+BUFFERED = 5  # kept for a follower who reads too slowly [s]
+DRIFT = 0.1  # the source's clock may be off by so much before it is set anew [s]
+
+
+class LslPublisher(Publisher):
+    """Outlets "NAME" (samples), "NAME-raw", "NAME-contacts" and "NAME-labels" (JSON).
+
+    Parameters
+    ----------
+    address : str
+        "NAME", or "//any/NAME" for the whole network.
+    info : StreamInfo
+    topics : sequence of str
+    robot : Robot, optional
+        Not needed.
+
+    Raises
+    ------
+    OutputError
+        Another stream has that name.
+    """
+
+    def __init__(
+        self, address: str, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None = None
+    ) -> None:
+        super().__init__(info, topics)
+        self._scope, self.name = split_scope(address)
+        self._lsl = load_lsl(self._scope)
+        self._offset = float("nan")
+        self._outlets: dict[Topic, Any] = {}
+        for found in self._lsl.resolve_byprop("name", self.name, 1, TAKEN):
+            raise OutputError(
+                f"an LSL stream named {self.name!r} is there already: "
+                f"{found.uid()} on {found.hostname()}; choose another name"
+            )
+        for topic in self.topics:
+            self._outlets[topic] = self._open(topic)
+
+    def stream_name(self, topic: Topic) -> str:
+        """Name of the stream of a topic."""
+        return self.name if topic == self.info.kind else f"{self.name}-{topic}"
+
+    def wait_for_followers(self, timeout: float) -> bool:
+        """Whether a listener connects within a time [s]."""
+        return bool(self._outlets[self.info.kind].wait_for_consumers(timeout))
+
+    def _open(self, topic: Topic) -> Any:
+        lsl, name, text = self._lsl, self.stream_name(topic), topic in ("contacts", "labels")
+        print_ = repr((name, self.info.robot, self.info.parts, self.info.widths, topic))
+        found = lsl.StreamInfo(
+            name,
+            TEXT_TYPE if text else TYPE,
+            1 if text else self.info.channels,
+            0.0 if text else self.info.rate,
+            "string" if text else "float32",
+            # The same after a restart, so that followers find it again.
+            hashlib.sha256(print_.encode()).hexdigest()[:16],
+        )
+        describe(found.desc(), self.info)
+        outlet = lsl.StreamOutlet(found, max_buffered=BUFFERED)
+        if not self._scope:
+            ports = _ports(outlet.get_info().as_xml())
+            if not keep_on_loopback(ports):
+                warnings.warn(
+                    f"LSL listens on ports {sorted(ports)} of all addresses of this machine",
+                    SkinWarning,
+                    stacklevel=5,
+                )
+        return outlet
+
+    def _send_samples(self, topic: Topic, times: FloatArray, values: NDArray[Any]) -> None:
+        if topic not in self._outlets:
+            self._outlets[topic] = self._open(topic)
+        stamps = self._stamps(times)
+        rows = np.ascontiguousarray(values, np.float32)
+        self._outlets[topic].push_chunk(rows, stamps.tolist())
+
+    def _send_text(self, topic: Topic, time: float, text: str) -> None:
+        stamp = float(self._stamps(np.array([time]))[0])
+        self._outlets[topic].push_sample([text], stamp)
+
+    def close(self) -> None:
+        """Take the streams away; may be called twice."""
+        self._outlets.clear()
+
+    def _stamps(self, times: FloatArray) -> FloatArray:
+        """Times in LSL's clock: as evenly spaced as the source's, never far from now."""
+        now = self._lsl.local_clock()
+        off = now - float(times[-1]) - self._offset
+        if not abs(off) < DRIFT:
+            self._offset = now - float(times[-1])
+        return times + self._offset
+
+
+def _ports(xml: str) -> set[int]:
+    """Ports that a stream is served on."""
+    from lxml import etree
+
+    root = etree.fromstring(xml.encode())
+    names = ("v4data_port", "v4service_port")
+    found = {int(root.findtext(name) or 0) for name in names}
+    return found - {0}
