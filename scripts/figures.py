@@ -23,7 +23,9 @@ from benchmarks.harness.origin import changed, today  # noqa: E402
 from benchmarks.harness.record import table  # noqa: E402
 
 RESULTS = ROOT / "benchmarks" / "results"
-OLDER = 0.05  # of the code that ran for a result: what a page tells when it has changed
+OLDER = 0.05  # of the code that ran for a result: a page shows when more than this has changed
+CHANGED = ", with more than a twentieth of their code changed since"
+UNKNOWN = ", without a record of the code that ran"
 MADE = re.compile(r"(<!-- made: ([a-z_, ]+) -->\n)[^\n]*\n")
 Section = tuple[Callable[[Path], list[str]], list[str]]
 BETWEEN = re.compile(r"(?<=<!-- figures: make figures -->\n).*?(?=<!-- end of figures -->)", re.S)
@@ -51,19 +53,18 @@ def dated(page: str, code: frozenset[str], results: Path = RESULTS) -> str:
 
 
 def age(names: Sequence[str], code: frozenset[str], results: Path = RESULTS) -> str:
-    """At which commits results were made, and which of them the code has changed since."""
-    told = []
+    """At which commits results were made, those of today's code first."""
+    told: dict[str, list[str]] = {"": [], CHANGED: [], UNKNOWN: []}
     for name in names:
         result = _read(results, name)
         made = result.get("made", result)
         share = changed(result, code)
-        tree = "" if made.get("clean", True) else " with changes"
-        since = ", before the code that ran was kept" if share is None else ""
-        if share and share > OLDER:
-            since = ", and more than a twentieth of the code that ran has changed since"
-        on = f" of {made['date']}" if "date" in made else ""
-        told.append(f"`{name}` at {made['commit']}{tree}{on}{since}")
-    return f"Made: {'; '.join(told)}."
+        notes = [made["date"]] if "date" in made else []
+        notes += [] if made.get("clean", True) else ["with changes"]
+        since = UNKNOWN if share is None else CHANGED if share > OLDER else ""
+        note = f" ({', '.join(notes)})" if notes else ""
+        told[since].append(f"`{name}` at {made['commit']}{note}")
+    return f"Made: {'; '.join(', '.join(some) + since for since, some in told.items() if some)}."
 
 
 def renewed(
@@ -127,7 +128,7 @@ def decisive(results: Path) -> list[str]:
          f"median {placed['median_mm']:.2f} mm, 95 % within {placed['p95_mm']:.1f} mm",
          "true positions", "wrong boards are refused ([calibration](docs/calibration.md))"),
         ("swapped or mute modules found in a minute of touches (simulated)",
-         f"{min(r['found_percent'] for r in checked if r['what'] == 'all'):.0f} % or more",
+         _at_least(min(r["found_percent"] for r in checked if r["what"] == "all")),
          "planted faults on three parts",
          f"{healthy['false_alarms']} of {healthy['runs']} healthy skins reported"),
         (f"sample to label, {live['channels']:,} taxels at 50 Hz",
@@ -135,7 +136,7 @@ def decisive(results: Path) -> list[str]:
          f"{calm['latency_ms']['p99']:.1f} ms",
          f"{calm['seconds'] / 60:.0f} min of a stream", f"{calm['lost']} samples lost"),
         (f"{kills['count']} recorders killed at random moments", f"{kills['opened']} files open",
-         "`kill -9`", f"at most {kills['most_lost_s']:.1f} s lost"),
+         "`kill -9`", f"at most {kills['most_lost_s']:.2f} s lost"),
     ]  # fmt: skip
     return _table(("", "figure", "judge", "control"), rows)
 
@@ -231,6 +232,10 @@ def installed(results: Path) -> list[str]:
         ("the iCub's meshes", f"{size['icub-models']:.0f} MB", "yes, with another robot"),
     ]  # fmt: skip
     return _table(("", "", "can be left out"), rows)
+
+
+def _at_least(percent: float) -> str:
+    return f"{percent:.0f} %" + " or more" * (percent < 100.0)
 
 
 def _share(value: float) -> str:

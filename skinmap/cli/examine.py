@@ -85,7 +85,8 @@ def lines(result: Examined) -> Iterator[str | Table]:
     """The findings in words."""
     for one in result.files:
         rate = "no times" if one.rate_hz is None else f"{one.rate_hz:.4g} Hz"
-        state = f"{len(one.findings)} findings" if one.findings else "sound"
+        count = len(one.findings)
+        state = f"{count} finding{'s'[: count > 1]}" if count else "sound"
         yield f"{one.file}: {one.rows} rows of {one.channels} channels, {rate}: {state}"
         for found in one.findings:
             yield from _words(found)

@@ -79,16 +79,15 @@ def test_age_is_told_as_it_is(figures, tmp_path):
     (tmp_path / "one.json").write_text(json.dumps({"made": made}))
     (tmp_path / "two.json").write_text(json.dumps({**made, "clean": False, "code": ""}))
     same, other = frozenset(["aa", "bb", "cc", "dd", "ee"]), frozenset(["aa", "bb", "cc"])
-    assert figures.age(["one"], same, tmp_path) == "Made: `one` at abc1234 of 2026-11-23."
-    assert figures.age(["one", "two"], other, tmp_path) == (
-        "Made: `one` at abc1234 of 2026-11-23, and more than a twentieth of the code that "
-        "ran has changed since; `two` at abc1234 with changes of 2026-11-23, before the code that "
-        "ran was kept."
+    assert figures.age(["one"], same, tmp_path) == "Made: `one` at abc1234 (2026-11-23)."
+    assert figures.age(["two", "one"], other, tmp_path) == (
+        "Made: `one` at abc1234 (2026-11-23), with more than a twentieth of their code changed "
+        "since; `two` at abc1234 (2026-11-23, with changes), without a record of the code that ran."
     )
     assert changed({"made": made}, other) == 0.25
     page = "<!-- made: one -->\nolder words\nmore\n"
     assert figures.dated(page, same, tmp_path) == (
-        "<!-- made: one -->\nMade: `one` at abc1234 of 2026-11-23.\nmore\n"
+        "<!-- made: one -->\nMade: `one` at abc1234 (2026-11-23).\nmore\n"
     )
 
 
