@@ -28,12 +28,6 @@ settings.register_profile(
 )
 settings.load_profile(os.environ.get("HYPOTHESIS_PROFILE", "suite"))
 
-# A shell without job control starts what runs in the background (`make test &` in a script) with
-# Ctrl-C ignored, and every child of a test would inherit that: commands that a test interrupts
-# would go on for ever.
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-
 # What a test makes it makes itself, and nobody's own cache is touched.
 os.environ["SKINMAP_CACHE"] = "off"
 
@@ -48,6 +42,16 @@ PAD_12 = [
 def _own_notes(tmp_path_factory):
     """Which command made which file is noted for this run alone."""
     os.environ["XDG_STATE_HOME"] = str(tmp_path_factory.mktemp("state"))
+
+
+@pytest.fixture(autouse=True)
+def _ctrl_c_is_heard():
+    """Each test begins with Ctrl-C heard, and so do the commands that it starts and interrupts.
+
+    A shell without job control starts what runs in the background (`make test &` in a script) with
+    Ctrl-C ignored, a test or a library may leave it so, and every child inherits that.
+    """
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @pytest.fixture(autouse=True)

@@ -18,9 +18,7 @@ from skinmap.parallel import Workers, open_workers, run_tasks
 
 DEADLINE = 120.0  # seconds until a process that was killed must be gone
 SWEEP = """
-import signal
 import sys
-signal.signal(signal.SIGINT, signal.default_int_handler)  # an earlier test may have it ignored
 from pathlib import Path
 sys.path[:0] = [sys.argv[1]]
 from sweep_work import Draw, draw
