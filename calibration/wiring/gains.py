@@ -2,8 +2,8 @@
 
 A finger of unknown shape and force passes on an unknown track. Its load on a taxel is its force at
 that moment times a profile that falls with the distance times the gain of the taxel: force, track,
-profile and gains are fitted together. What a touch tells of the gains alone is a normal
-distribution, of which precisions add up over touches and check-ups.
+profile and gains are fitted together. The gains alone then have a normal distribution, whose
+precisions add up over touches and check-ups.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ STEPS, TRIES, DONE = 14, 4, 1e-3  # of the fit
 
 
 class Told(NamedTuple):
-    """What a touch tells of the logarithms of gains, for the rows (k,) of the table that it met.
+    """Evidence of one touch on the logarithms of gains, for the rows (k,) of the table that it met.
 
     `precision` (k, k), and `pull` (k,): the precision times the likeliest gains.
     """
@@ -134,7 +134,7 @@ class _Passage:
         self.prior[rows, rows] += 1.0 / SPREAD**2
 
     def state(self, unknowns: FloatArray) -> _State:
-        """What the unknowns say of each answer."""
+        """The expected answers and their errors for these unknowns."""
         t = self.size
         track, profile = unknowns[t : 3 * t].reshape(2, t).T, unknowns[3 * t : self.others - 2]
         away = self.places - track[:, None]

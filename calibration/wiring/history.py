@@ -1,7 +1,7 @@
 """Check-ups that were kept: each taxel's baseline, noise and gain over months, and their changes.
 
-What touches tell of gains (`gains`) adds up over the check-ups before and after a moment. The gain
-of a taxel has changed where its difference is not what those of the others beside it let expect.
+The evidence of touches on gains (`gains`) adds up over the check-ups before and after a moment. The
+gain of a taxel has changed where its difference departs from those of the taxels beside it.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ MOST_DRAWN = 400  # taxels of which each has a line of its own
 
 
 class KeptTouch(msgspec.Struct, frozen=True):
-    """What a touch tells of gains: rows (k), pull (k), precision (upper triangle row by row)."""
+    """Evidence of a touch on gains: rows (k), pull (k), precision (upper triangle by rows)."""
 
     rows: list[int]
     pull: list[float]

@@ -83,7 +83,7 @@ class LocalPool:
 
 @contextmanager
 def _killed_processes() -> Iterator[None]:
-    """Say of processes that were killed that workers were lost."""
+    """Raise WorkersLostError where loky reports processes that were killed."""
     from loky.process_executor import TerminatedWorkerError
 
     try:  # a task that cannot be read there breaks the pool too, and is no death
