@@ -135,6 +135,30 @@ def test_the_papers_network_has_its_size(bars):
     assert network.weight.shape == (2, 50 * 8 * 12)
 
 
+@pytest.mark.parametrize("matrix_unit", [False, True])
+def test_wide_networks_learn_in_mixed_precision_and_keep_float32_weights(
+    bars, monkeypatch, matrix_unit
+):
+    torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
+    monkeypatch.setattr(torch.cpu, "_is_amx_tile_supported", lambda: matrix_unit)
+    seen = []
+    build = module._build
+
+    def watched(*arguments):
+        net = build(*arguments)
+        net[0].register_forward_hook(lambda _layer, _given, maps: seen.append(maps.dtype))
+        return net
+
+    monkeypatch.setattr(module, "_build", watched)
+    images = (bars[0].reshape(-1, 66, 100)[:64, ::4, ::4] / 255.0).astype(np.float32)
+    number = np.unique(bars[1][:64], return_inverse=True)[1]
+    wide = module.Recipe(32, 1, 10, 16, 3e-2, "constant", False, 0)
+    net = module.train(images, number, ("a", "b"), wide, seed=1)
+    assert set(seen) == {torch.bfloat16 if matrix_unit else torch.float32}
+    assert net.weight.dtype == np.float32
+    assert (net.logits(images).argmax(axis=1) == number).mean() >= 0.9
+
+
 def test_training_that_runs_away_is_an_error(bars):
     pytest.importorskip("torch", reason="the extra `torch` is not installed")
     images, labels = bars

@@ -139,7 +139,7 @@ def command(
                    sampling=random|paper     every 50th and 10th sample, as published
                    sweep=no|yes              sweep r and k (always with --out)
       baxter       images=1800               images, 90 or more
-                   network=small|paper       paper takes 6 minutes a training,
+                   network=small|paper       paper takes 2 to 6 minutes a training,
                                              and tries 7 rates in 5 folds a split
       cross-patch  train_robot=ROBOT         train on this robot, test on --robot
       cross-patch, physics, time, recordings

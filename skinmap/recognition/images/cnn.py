@@ -36,6 +36,10 @@ TELLING = 10  # epochs: after fewer nothing can be said
 STEP_AT, STEP_TO = 2 / 3, 0.1  # of the schedule "step": when, and to which share
 # Of the first layer's activations, worked on at once: more leave the processor's cache.
 CACHED = 12 * 2**20  # bytes
+# Kernels from which convolutions are computed in bfloat16, on processors whose matrix units (AMX)
+# multiply it at once: a step of the paper's network then takes a third of the time. Weights, sums
+# and the loss stay float32.
+WIDE = 32
 
 
 @dataclass(frozen=True, slots=True)
@@ -267,6 +271,7 @@ def _descend(
     seen, wanted = torch.from_numpy(images[:, None].copy()), torch.from_numpy(labels.copy())
     seen = seen.to(memory_format=torch.channels_last)
     at_once = max(CACHED // (4 * recipe.channels * images[0].size), 1)
+    mixed = recipe.channels >= WIDE and torch.cpu._is_amx_tile_supported()
     for epoch in range(recipe.epochs):
         for group in descent.param_groups:
             group["lr"] = recipe.rate(epoch)
@@ -277,7 +282,9 @@ def _descend(
             whole = 0.0
             # The gradient of a batch is the sum of those of its parts, which stay in the cache.
             for some, label in zip(shown.split(at_once), wanted[batch].split(at_once), strict=True):
-                loss = torch.nn.functional.cross_entropy(net(some), label, reduction="sum")
+                with torch.autocast("cpu", torch.bfloat16, enabled=mixed):
+                    logits = net(some)
+                loss = torch.nn.functional.cross_entropy(logits.float(), label, reduction="sum")
                 loss = loss / len(batch)
                 loss.backward()
                 whole += float(loss.detach())
