@@ -17,6 +17,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.geometry.triangles import edge_lengths
 from skinmap.skin.robot import Robot
+from skinmap.touch.images.contact_image import ContactImageGeometry, taxel_grid
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.colours import BACKGROUND, BODY, DOT, INK, RIM, TRACES, UNKNOWN
 from viewer.drawing.body.bare_body import Links, body_meshes, check_links, posed
@@ -230,6 +231,8 @@ def _add_skins(
             "taxel.modules": skin.skin.modules.astype(np.int32),
             "taxel.patches": skin.patches.astype(np.int32),
         }
+        grid = taxel_grid(skin.flat)
+        own |= _contact_image(grid, taxels[number])
         spacing = skin.skin.spacing
         one: dict[str, Any] = {
             "name": part,
@@ -239,8 +242,9 @@ def _add_skins(
             "spacing": spacing,
             "dot": DOT_SHARE * spacing,
             "patches": len(skin.flat.charts),
+            "image": sorted(grid.shape),  # rows and columns: it lies, as for classifiers
         }
-        for key in ("sheet.faces", "flat.faces", "shell.faces", "flat.border"):
+        for key in ("sheet.faces", "flat.faces", "shell.faces", "flat.border", "image.pixels"):
             first = sum(array.size for array in kept[key])
             one[key.replace(".", "_")] = [first, own[key].size]
         for key, array in own.items():
@@ -253,6 +257,20 @@ def _add_skins(
     arrays["smooth.taxels"] = smooth.indices.astype(np.uint32)
     arrays["smooth.weights"] = smooth.data.astype(np.float32)
     return parts
+
+
+def _contact_image(grid: ContactImageGeometry, start: int) -> dict[str, NDArray[Any]]:
+    """Pixels of a part's contact image, the three taxels under each and their weights in 1/255.
+
+    An image that stands is turned by a quarter, its top to the right, as in `paper_images`.
+    """
+    (rows, columns), (row, column) = grid.shape, np.divmod(grid.pixels, grid.shape[1])
+    pixels = column * rows + rows - 1 - row if rows > columns else grid.pixels
+    return {
+        "image.pixels": pixels.astype(np.uint32),
+        "image.taxels": (grid.columns.astype(np.int64) + start).astype(np.uint32),
+        "image.weights": np.rint(255.0 * grid.weights).astype(np.uint8),
+    }
 
 
 def off_seams(uv: FloatArray, points: FloatArray, faces: IntArray) -> IntArray:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -191,36 +191,23 @@ def image_geometry(
     >>> image_geometry(flat, shape=(20, 30)).shape
     (20, 30)
     """
-    uv = np.concatenate([chart.uv for chart in flat.charts])
-    faces, taxels = _all_faces(flat)
-    low, high = uv.min(axis=0), uv.max(axis=0)
-    pitch, (rows, columns) = _grid(high - low, pitch, shape)
-    middle, half = 0.5 * (low + high), 0.5 * pitch * np.array([columns, rows])
-    corner = np.array([middle[0] - half[0], middle[1] + half[1]])
-    points = (uv - corner) / (pitch, -pitch)
-    if len(faces):
-        pixels, face, weights = locate_pixels(points, faces, (rows, columns))
-        vertices = taxels[faces[face]]
-    else:  # taxels without a surface: the pixel of each
-        at = np.clip(points.astype(np.int64), 0, [columns - 1, rows - 1])
-        pixels, first = np.unique(at[:, 1] * columns + at[:, 0], return_index=True)
-        vertices = np.repeat(taxels[first, None], 3, axis=1)
-        weights = np.tile([1.0, 0.0, 0.0], (len(first), 1))
+    under = _under(flat, pitch, shape)
+    rows, columns = under.shape
     mask = np.zeros(rows * columns, bool)
-    mask[pixels] = True
-    entries = (weights.ravel(), (np.repeat(pixels, 3), vertices.ravel()))
+    mask[under.pixels] = True
+    entries = (under.weights.ravel(), (np.repeat(under.pixels, 3), under.taxels.ravel()))
     matrix = csr_array(entries, shape=(rows * columns, len(flat.mesh.skin)))
     return ContactImageGeometry(
-        pitch,
-        corner,
+        under.pitch,
+        under.corner,
         csr_array(matrix @ _merging(flat.mesh.representative)),
         mask.reshape(rows, columns),
-        pixel_coverage(points, faces, (rows, columns))
-        if len(faces)
+        pixel_coverage(under.points, under.faces, under.shape)
+        if len(under.faces)
         else mask.reshape(rows, columns).astype(np.float64),
-        pixels,
-        vertices,
-        weights.astype(np.float32),
+        under.pixels,
+        under.taxels,
+        under.weights.astype(np.float32),
         flat.mesh.representative,
     )
 
@@ -232,12 +219,12 @@ def taxel_grid(flat: FlatMap) -> ContactImageGeometry:
     2 % until each taxel of the map has a pixel; on the built-in robots it ends at half or more.
     """
     spacing = flat.mesh.skin.spacing
-    placed = np.isfinite(flat.uv[:, 0])
+    placed = flat.mesh.representative[np.isfinite(flat.uv[:, 0])]
     for share in NARROWING:
-        geometry = image_geometry(flat, pitch=share * spacing)
-        if (geometry.matrix.sum(axis=0)[placed] > 0).all():
+        under = _under(flat, share * spacing, None)
+        if np.isin(placed, under.taxels[under.weights > 0.0]).all():
             break
-    return geometry
+    return image_geometry(flat, pitch=under.pitch)
 
 
 def contact_image(
@@ -286,6 +273,43 @@ def contact_image(
     several = np.ndim(pressures) == 2
     pixels = geometry.images(pressures) if several else geometry.image(pressures)
     return np.ma.MaskedArray(pixels, np.broadcast_to(~geometry.mask, pixels.shape))
+
+
+class _Under(NamedTuple):
+    """A grid, and the triangle under each of its pixels, as in `ContactImageGeometry`.
+
+    `points` (v, 2) are the vertices of all charts in pixels, `faces` (m, 3) the triangles.
+    """
+
+    pitch: float
+    shape: tuple[int, int]
+    corner: FloatArray
+    points: FloatArray
+    faces: IntArray
+    pixels: IntArray
+    taxels: IntArray
+    weights: FloatArray
+
+
+def _under(
+    flat: FlatMap, pitch: float | None, shape: tuple[int | None, int | None] | None
+) -> _Under:
+    uv = np.concatenate([chart.uv for chart in flat.charts])
+    faces, taxels = _all_faces(flat)
+    low, high = uv.min(axis=0), uv.max(axis=0)
+    pitch, (rows, columns) = _grid(high - low, pitch, shape)
+    middle, half = 0.5 * (low + high), 0.5 * pitch * np.array([columns, rows])
+    corner = np.array([middle[0] - half[0], middle[1] + half[1]])
+    points = (uv - corner) / (pitch, -pitch)
+    if len(faces):
+        pixels, face, weights = locate_pixels(points, faces, (rows, columns))
+        vertices = taxels[faces[face]]
+    else:  # taxels without a surface: the pixel of each
+        at = np.clip(points.astype(np.int64), 0, [columns - 1, rows - 1])
+        pixels, first = np.unique(at[:, 1] * columns + at[:, 0], return_index=True)
+        vertices = np.repeat(taxels[first, None], 3, axis=1)
+        weights = np.tile([1.0, 0.0, 0.0], (len(first), 1))
+    return _Under(pitch, (rows, columns), corner, points, faces, pixels, vertices, weights)
 
 
 def _grid(

@@ -10,6 +10,8 @@ import pytest
 
 from skinmap.live.contacts.contact_motion import Motion
 from skinmap.live.moment import Moment
+from skinmap.touch.images.contact_image import taxel_grid
+from skinmap.touch.images.paper_image import paper_images
 from viewer.colours import class_colour
 from viewer.web.server import WebServer
 
@@ -50,6 +52,26 @@ def test_a_played_touch_is_named_coloured_and_listed(tab):
 
     assert warm(before) == 0
     assert warm(tab.pixels()) > 20
+
+
+def test_the_page_has_the_contact_image_that_classifiers_see(tab, prepared, moments):
+    image = tab.page.locator("#contact-image")
+    assert not image.is_visible()
+    tab.step()
+    tab.wait(".label")
+    assert image.is_visible()
+    shape = image.evaluate("(canvas) => [canvas.height, canvas.width]")
+    grey = image.evaluate("""(canvas) => {
+      const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+      return Array.from(data.filter((_, k) => k % 4 === 0));
+    }""")
+    grid = taxel_grid(prepared("torso").flat)
+    wanted = paper_images(grid, moments[1].pressures["torso"][None], size=shape)[0]
+    # Weights in steps of 1/255, of three taxels.
+    np.testing.assert_allclose(np.reshape(grey, shape), wanted, atol=3)
+    assert wanted.max() > 200
+    tab.page.select_option("#layer", "patches")
+    image.wait_for(state="hidden")
 
 
 def test_a_click_on_the_flat_map_shows_the_channel(tab, icub):

@@ -5,6 +5,7 @@ import { Chosen, partOf } from "./selection.js";
 import { Controls } from "./controls.js";
 import { $ } from "./dom.js";
 import { Film, stored } from "./offline_player.js";
+import { ContactImage } from "./contact_image.js";
 import { Flat } from "./flat.js";
 import { Hover } from "./hover.js";
 import { Labels } from "./labels.js";
@@ -32,6 +33,7 @@ class Page {
     this.camera = new Camera(this.header);
     this.picture = new Picture($("picture"), scene);
     this.flat = new Flat($("flat"), scene);
+    this.contactImage = new ContactImage($("contact-image"), scene);
     this.smoother = new Smoother(scene.arrays);
     this.labels = new Labels($("labels"), $("leaders"));
     this.marks = new Marks(scene, this.picture, this.flat);
@@ -272,6 +274,7 @@ class Page {
     if (!this.picture.rooms || this.lost) return;
     this.picture.draw(this.camera, performance.now() - this.moved < REST, still);
     this.flat.draw(this.camera.ratio);
+    this.contactImage.draw(this.flat.part, this.layer.name === "pressure" ? this.sample.arrays.values : null);
     this.showLabels();
     if (this.fresh) {
       this.fresh = false;
