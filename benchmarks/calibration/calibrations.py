@@ -27,7 +27,7 @@ from benchmarks.calibration.mounts import drift_rows, mount_rows
 from benchmarks.calibration.patches import Case, counted, far_apart, icub_cases, simulate_touches
 from benchmarks.calibration.planes import plane_rows
 from benchmarks.calibration.wraps import family_rows, measured, wrapped, wrong_rows
-from benchmarks.harness.record import RESULTS, about, commit, readable, write
+from benchmarks.harness.record import RESULTS, about, code_of, commit, readable, write
 from benchmarks.harness.timing import timed
 from calibration import locate_by_touch, register_scan
 from calibration.patch.link_surface import OFFSET, make_target
@@ -263,6 +263,7 @@ def main() -> None:
             print(readable(measure(True, only=options.only)))
         else:
             measure(False, only=options.only, keep=keep)
+            write(file, kept | {"code": code_of(measure)})
 
 
 if __name__ == "__main__":

@@ -8,9 +8,6 @@ writes benchmarks/results/real_fingers.json. The recordings are not ours to ship
 
 from __future__ import annotations
 
-import json
-import subprocess
-import sys
 from collections import Counter
 from pathlib import Path
 from typing import Any
@@ -18,6 +15,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.harness.keep import run
+from benchmarks.harness.origin import watched
 from benchmarks.harness.record import RESULTS, about, write
 from skinmap.cli.evaluate.protocol_fingers import ARCHIVE, FOLDER
 from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
@@ -78,22 +77,24 @@ def measure(*, seed: int = 0, variety: float = 1.0) -> dict[str, Any]:
     }
 
 
-def evaluated(protocol: str) -> dict[str, Any]:
-    """What the command prints of the recordings, in a process of its own."""
-    words = ["evaluate", "--protocol", protocol, str(DATA), "--json"]
-    skinmap = str(Path(sys.executable).with_name("skinmap"))
-    done = subprocess.run([skinmap, *words], check=True, capture_output=True, text=True)
-    found: dict[str, Any] = json.loads(done.stdout)
-    return {key: value for key, value in found.items() if key not in ("archive", "patch", "files")}
+def evaluated(protocol: str) -> tuple[dict[str, Any], set[str]]:
+    """What the command prints of the recordings, and the pieces of code behind it."""
+    found = run(["evaluate", "--protocol", protocol, str(DATA)])
+    pieces = set(found.pop("made")["code"].split())
+    left_out = ("archive", "patch", "files")
+    return {key: value for key, value in found.items() if key not in left_out}, pieces
 
 
 def main() -> None:
     """Measure and write."""
     if not DATA.is_dir():
         raise SystemExit(f"no recordings at {DATA.name}: nothing measured")
-    named = [measure(variety=variety) for variety in (0.0, 1.0)]
-    found = {"named": named, "fingers": evaluated("fingers"), "hands": evaluated("hands")}
-    write(OUT, {**about("full"), **found})
+    head = about("full")
+    with watched() as pieces:
+        named = [measure(variety=variety) for variety in (0.0, 1.0)]
+    (fingers, of_fingers), (hands, of_hands) = evaluated("fingers"), evaluated("hands")
+    code = " ".join(sorted(pieces | of_fingers | of_hands))
+    write(OUT, {**head, "code": code, "named": named, "fingers": fingers, "hands": hands})
 
 
 if __name__ == "__main__":

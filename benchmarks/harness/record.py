@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks import ROOT
+from benchmarks.harness.origin import watched
 
 RESULTS = ROOT / "benchmarks" / "results"
 FORMAT = 1  # of the files
@@ -156,6 +157,13 @@ def afresh(work: Callable[..., Any], *given: Any, preload: Sequence[str] = ()) -
         return pool.submit(work, *given).result()
 
 
+def code_of(measure: Measure) -> str:
+    """The pieces of code behind `measure`, from a quick run: watching would slow the full one."""
+    with watched() as pieces:
+        measure(True)
+    return " ".join(sorted(pieces))
+
+
 def command(measure: Measure, what: str | None, name: str, arguments: Any = None) -> Path | None:
     """The program of one area: measure in full (or `--quick`), and write its file.
 
@@ -184,6 +192,8 @@ def command(measure: Measure, what: str | None, name: str, arguments: Any = None
     head = about("quick" if options.quick else "full")
     with threadpool_limits(1):
         rows = measure(options.quick)
+        if not options.quick:
+            head["code"] = code_of(measure)
     target = options.out or RESULTS / f"{name}.json"
     if options.quick and not options.out:
         print(readable(rows))

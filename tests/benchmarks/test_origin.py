@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import json
 import sys
 
 import pytest
@@ -108,3 +109,26 @@ def test_a_kept_command_has_its_head_its_words_and_its_code(tmp_path, monkeypatc
     assert found
     with pytest.raises(ValueError, match="one process"):
         keep.run(["evaluate", "--protocol", "kaspar", "--jobs", "4"])
+
+
+def test_a_full_run_of_an_area_has_the_code_of_its_quick_one(tmp_path, pieces):
+    from benchmarks.harness import record
+
+    (tmp_path / "skinmap" / "area.py").write_text(MODULE)
+    spec = importlib.util.spec_from_file_location("area", tmp_path / "skinmap" / "area.py")
+    area = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(area)
+    ran = []
+
+    def measure(quick):
+        ran.append(quick)
+        return {"two": area.used(1)}
+
+    out = tmp_path / "area.json"
+    record.command(measure, "An area.", "area", ["--out", str(out)])
+    result = json.loads(out.read_text())
+    assert ran == [False, True]
+    assert result["two"] == 2
+    assert origin.changed(result, origin.today()) == 0.0
+    (tmp_path / "skinmap" / "area.py").write_text(MODULE.replace("return 2 *", "return 3 *"))
+    assert origin.changed(result, origin.today()) > 0.0
