@@ -220,7 +220,8 @@ def plant_stuck(made: Made, rng: Rng) -> None:
     b = count if rng.random() < 0.5 else a + int(rng.integers(count // 5, count // 3))
     if made.silent:  # while it is touched
         far = np.flatnonzero(made.values[a : count - 200, own[0]] > 20)
-        a += int(far[0]) if len(far) else 0
+        later = int(far[0]) if len(far) else 0
+        a, b = a + later, min(b + later, count)
         own = own[:1]
     made.values[a:b, own] = made.values[a, own]
     made.channels, made.rows = set(own.tolist()), [[a, b - 1]]
@@ -310,8 +311,7 @@ def plant_module(made: Made, rng: Rng) -> None:
     b = a + int(rng.integers(count // 5, count // 3))
     if made.silent:
         busy = (made.values[a : count - 300, first : first + k] > 15).sum(axis=1)
-        a += int(np.argmax(busy))
-        b = a + (b - a)
+        a, b = a + int(np.argmax(busy)), b + int(np.argmax(busy))
     made.values[a:b, first : first + k] = made.values[a, first : first + k]
     made.channels, made.rows = set(range(first, first + k)), [[a, min(b, count) - 1]]
 

@@ -10,12 +10,16 @@ from skinmap.soundness.finding import Finding, Kind, finding, spans_of, subject
 from skinmap.soundness.survey import SIGMA_OF_SECOND, Survey
 
 SURE = 16.0  # changes that a stretch without any should have had
-MODULE, DEAD_MODULE = 4, 6  # channels that hang together for a while, or always
-MANY = 20  # findings of the same kind
+MODULE, DEAD_MODULE = 3, 6  # channels that hang together for a while, or always
+TOGETHER = 0.8  # share of their rows in which channels that hang together both stand still
+MANY = 20  # findings of the same kind, or pairs of channels
 HELD = 0.9  # confidence in a channel that stands still under load
 NOISY = 4.0  # times the noise of the others
 KINDS = 6  # values that a channel must take before its step is judged
 COARSE = 2.9  # times the step of the others
+FULL_SCALES = {2**bits - 1 for bits in (8, 10, 12, 14, 16)}
+FULL, SEVERAL = 0.25, 0.05  # shares of touches, and of channels, at full scale: fewer are usual
+OUTLIER = 4.0  # deviations of noise that a step at rest counts for at most
 COPY = 0.97  # correlation of noise
 MOST_PAIRS = 4_000  # channels whose pairs are compared by correlation
 PAIR_ROWS = 4e9  # rows times channels squared
@@ -110,7 +114,7 @@ def _in_modules(
     """
     found, single = [], channels.tolist()
     least = MODULE if rows else DEAD_MODULE
-    for first, last in spans_of(channels, join=2):
+    for first, last in spans_of(channels, join=4 if rows else 2):
         own = channels[(channels >= first) & (channels <= last)]
         if least <= len(own) < survey.width:
             text = f"{len(own)} channels from {first} to {last} hang together: a cable or a board."
@@ -162,20 +166,29 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         for first, last, sure in _stops(survey, channel, quiet[:, channel], holds):
             a, b = _exact(survey, channel, first, last)
             runs.append((a, b, channel, sure))
-    if len({one[2] for one in runs if one[3] == HELD}) > 0.6 * survey.width:  # another rest
-        runs = [one for one in runs if one[3] != HELD]
+    held = [one for one in runs if one[3] == HELD]
+    lasting = {one[2] for one in held if one[1] == survey.count - 1}  # until the end
+    if len({one[2] for one in held}) > 0.6 * survey.width or len(lasting) > 0.2 * survey.width:
+        runs = [one for one in runs if one[3] != HELD]  # another rest
     found: list[Finding] = []
     left = sorted(runs)
     while left:
         a, b, _, _ = left[0]
-        slack = max(3, 0.04 * (b - a))
-        same = [one for one in left if abs(one[0] - a) <= slack and abs(one[1] - b) <= slack]
+        same = [one for one in left if _alike(one, left[0])]
         left = [one for one in left if one not in same]
         channels = np.array(sorted(one[2] for one in same))
         bad[channels] = True
-        span = [[min(one[0] for one in same), max(one[1] for one in same)]]
+        # All of a module stop and go on together; each may have stood still a little longer.
+        span = [[max(one[0] for one in same), min(one[1] for one in same)]]
         found += _in_modules(survey, channels, span, "stuck", float(np.mean([x[3] for x in same])))
     return _summed(_joined(found))
+
+
+def _alike(one: tuple[int, int, int, float], other: tuple[int, int, int, float]) -> bool:
+    """Whether two stretches of rows are nearly the same."""
+    shared = min(one[1], other[1]) - max(one[0], other[0]) + 1
+    whole = max(one[1], other[1]) - min(one[0], other[0]) + 1
+    return shared >= TOGETHER * whole
 
 
 def _summed(found: list[Finding]) -> list[Finding]:
@@ -214,7 +227,7 @@ def _holds(survey: Survey, quiet: NDArray[np.bool_]) -> float:
     longest = [
         max((b - a + 1 for a, b in spans_of(np.flatnonzero(one))), default=0) for one in held.T
     ]
-    return float(np.percentile(longest, 90.0)) if longest else 0.0
+    return float(np.percentile(longest, 40.0)) if longest else 0.0
 
 
 def _stops(
@@ -292,15 +305,20 @@ def _copied(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     if len(lively) <= MOST_PAIRS and len(lively) > 1 and _restless(survey) > 0.5:
         some = _windows(survey, int(np.clip(PAIR_ROWS / max(len(lively), 1) ** 2, 200, 8000)), True)
         fast = np.diff(some[:, :, lively], axis=1).reshape(-1, len(lively))
+        most = OUTLIER * np.maximum(survey.noise, survey.steps)[lively]
+        fast = np.clip(fast, -most, most)  # one touch that begins is not noise
         fast -= np.median(fast, axis=1, keepdims=True)
         size = np.sqrt((fast**2).sum(axis=0))
         alike = (fast.T @ fast) / np.maximum(np.outer(size, size), 1e-30)
         np.fill_diagonal(alike, 0.0)
         usual = np.partition(alike, -2, axis=1)[:, -2] if len(lively) > 3 else np.zeros(len(lively))
-        for a, b in np.argwhere(np.triu(alike) > COPY).tolist():
-            if max(usual[a], usual[b]) < 0.9 or alike[a, b] > 0.9999:
-                pairs.add((int(lively[a]), int(lively[b])))
-    if not pairs:
+        twins = [
+            (int(lively[a]), int(lively[b]))
+            for a, b in np.argwhere(np.triu(alike) > COPY).tolist()
+            if max(usual[a], usual[b]) < 0.9 or alike[a, b] > 0.9999
+        ]
+        pairs |= set(twins)
+    if len(pairs) > MANY:  # so many move for a common reason
         return []
     found = []
     for a, b in sorted(pairs):
@@ -365,8 +383,12 @@ def _clipped(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         )  # fmt: skip
         piled &= plateau >= 2.0
         kind = survey.track.values.dtype
-        if kind.kind == "u" and top.max(initial=0.0) == np.iinfo(kind).max:  # strong touches may
-            piled &= (top < np.iinfo(kind).max) | (cells > 0.02 * len(at))
+        if (
+            kind.kind in "iu" and (full := top.max(initial=0.0)) in FULL_SCALES
+        ):  # strong touches may
+            touched = survey.touched[:, lively].sum(axis=0)
+            much = (top == full) & (cells > np.maximum(0.02 * len(at), FULL * touched))
+            piled &= (top < full) | (much & (much.sum() > SEVERAL * busy.sum()))
         highest = top[busy].max() if busy.any() else 0.0
         shared = piled & (top == highest)
         own = piled & (often >= 3) & (cells >= 6)

@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.soundness.finding import Finding, finding, named, subject
-from skinmap.soundness.survey import PIECES, Survey
+from skinmap.soundness.survey import PIECES, USUAL, Survey
 
 STEP = 0.65  # share of the whole change that happens at one place: a step, not a drift
+BETWEEN = 8.0  # percentile of a short piece's cells: touches leave it at rest for moments only
 ALL = 0.6  # share of the channels from which it is the whole skin
 
 
@@ -21,7 +22,8 @@ def rest_faults(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     lively = np.flatnonzero(~survey.constant & ~bad)
     if cells < 3 * PIECES or len(lively) < 2:
         return []
-    level = _without_spikes(survey.levels[:, lively])
+    level = survey.levels_at(BETWEEN if survey.short else USUAL)
+    level = _without_spikes(level[:, lively])
     if survey.loaded:
         return _before_and_after(survey, lively)
     change = np.diff(level, axis=0)

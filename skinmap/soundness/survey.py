@@ -14,6 +14,7 @@ from skinmap.soundness.track import Track
 
 MOST_CELLS, LONGEST_CELL = 500, 64
 SHORT = 250  # rows of a piece that one touch may fill
+USUAL = 20.0  # percentile of the cells of a piece that stands for its rest
 PIECES = 12  # of a recording, each with a rest of its own
 BLOCK = 2**21  # values that are looked at together: they stay in the processor's cache
 SIGMA_OF_SECOND = 0.5117  # of normal noise, per mean absolute second difference: sqrt(pi / 2 / 6)
@@ -170,13 +171,22 @@ class Survey:
         return np.asarray(np.maximum.reduce([TOUCHED * own, np.full(self.width, 0.04 * usual),
                                              np.full(self.width, 1.5 * self.quantum)]))  # fmt: skip
 
+    @property
+    def short(self) -> bool:
+        """Whether one touch may fill a piece."""
+        return self.count < SHORT * min(PIECES, len(self.mean))
+
     @cached_property
     def levels(self) -> FloatArray:
         """(p, n) Level of each channel at rest in each of some pieces of the recording."""
+        return self.levels_at(USUAL)
+
+    def levels_at(self, share: float) -> FloatArray:
+        """(p, n) The same at a percentile of the cells of each piece, from the calm side."""
         pieces = np.array_split(np.arange(len(self.mean)), min(PIECES, len(self.mean)))
-        share = 20.0 if self.rising else 80.0
+        share = share if self.rising else 100.0 - share
         level = np.array([np.percentile(self.mean[own], share, axis=0) for own in pieces])
-        if self.count >= SHORT * len(pieces):
+        if not self.short:
             return level
         # A touch may last for such a piece: the calmest of three.
         wide = np.concatenate([level[:1], level, level[-1:]])

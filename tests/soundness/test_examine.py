@@ -39,6 +39,37 @@ def test_a_planted_fault_is_found_at_its_place(kind):
     assert sum(hits) >= EASY - 1
 
 
+@pytest.mark.parametrize(("robot", "part"), [("icub", "left_foot"), ("kaspar", "torso")])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_clean_touches_that_follow_each_other_closely_have_no_finding(robot, part, seed):
+    skin = skinmap.load_robot(robot).skin(part)
+    made = skinmap.simulate(skin, per_gesture=5, variety=0.0, rng=seed)
+    assert made.pressures.max() == 255  # some touches are as strong as the sensor tells
+    own = examine_track(Track("clean", made.pressures, made.times))[0].findings
+    assert [one.text for one in own] == []
+
+
+def test_a_module_that_hangs_has_its_own_channels_and_rows():
+    skin = skinmap.load_robot("icub").skin("left_foot")
+    made = skinmap.simulate(skin, per_gesture=5, variety=0.0, rng=4)
+    values, channels = made.pressures.copy(), np.flatnonzero(skin.modules == skin.modules[120])
+    values[400:800, channels] = values[400, channels]
+    own = examine_track(Track("hung", values, made.times))[0].findings
+    assert [(one.kind, one.channels) for one in own] == [("module", channels.tolist())]
+    # A taxel at rest may read the same a few rows longer; all of them do not.
+    ((first, last),) = own[0].rows
+    assert abs(first - 400) <= 2
+    assert abs(last - 799) <= 2
+
+
+def test_coarse_channels_are_no_copies_of_each_other():
+    values = noise(2000, 60)
+    coarse = [7, 20, 41]
+    values[:, coarse] = np.rint(values[:, coarse] / 4.0) * 4.0
+    own = examine_track(Track("coarse", values, np.arange(2000) / 50))[0].findings
+    assert "copied" not in [one.kind for one in own]
+
+
 def test_every_kind_has_its_harm_and_remedy():
     assert set(HARM) == set(KINDS)
 
