@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from skinmap.touch.load_calibration import LoadCalibration, Zero
 
 MOVED = 4.0  # counts that the median taxel may move while the skin rests
-FILES = (".npz", ".csv")
+FILES = (".npz", ".csv", ".mcap")
 REST = 3.0  # of a live source that sets the zero [s]
 
 
@@ -70,8 +70,8 @@ class RestResult:
 def rest(as_json: bool, **given: Any) -> None:
     """Zero an existing load calibration anew, on a skin that nothing touches.
 
-    RECORDING is .npz or .csv with `samples (t, n)` and `times (t,)`: its rest before the first load
-    is found in it. A live source must rest for `--seconds`.
+    RECORDING is .mcap, or .npz or .csv with `samples (t, n)` and `times (t,)`: its rest before the
+    first load is found in it. A live source must rest for `--seconds`.
 
     \b
     Example:  skinmap calibrate rest today.npz -o load

@@ -246,6 +246,7 @@ def test_a_mass_on_its_footprint_is_a_pressure(files, tmp_path):
     ("arrays", "drop", "words"),
     [
         ({"pressure_bar": np.full(9000, 1.0)}, (), "never moves"),
+        ({"pressure_bar": np.zeros(0)}, (), "pressure_bar is empty"),
         ({"pressure_psi": np.ones(9000)}, ("pressure_bar",), "another unit"),
         ({"pressure_mmHg": np.ones(9000)}, ("pressure_bar",), "another unit"),
         ({"pressure_bar": np.linspace(0, 3, 900)}, (), "900 rows for 9000 samples"),
@@ -289,3 +290,83 @@ def test_tables_are_read(tmp_path, files):
     np.savetxt(tmp_path / "own.csv", table, delimiter=",", header=head, comments="", fmt="%.4f")
     words = ("calibrate", "load", tmp_path / "own.csv", "-o", tmp_path / "out", "--json")
     assert json.loads(run(*words).stdout)["answered"] == N - 2
+
+
+def bag(path, topics):
+    """A recording of ROS 2 in MCAP: by topic its type, times [ns] and messages."""
+    from mcap.writer import Writer
+
+    from skinmap.io.ros2.message_types import definition, full_name, write
+
+    with path.open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        for topic, (kind, stamps, messages) in topics.items():
+            schema = writer.register_schema(full_name(kind), "ros2msg", definition(kind))
+            channel = writer.register_channel(topic, "cdr", schema)
+            for stamp, fields in zip(stamps, messages, strict=True):
+                data = write(kind, *fields)
+                writer.add_message(channel, int(stamp), data, int(stamp))
+        writer.finish()
+    return path
+
+
+def skin_topic(samples):
+    """Samples as a bag has them, from 7 s on."""
+    from skinmap.io.ros2.message_types import build
+
+    layout = build("std_msgs/MultiArrayLayout", [], 0)
+    stamps = 7e9 + 1e9 * np.arange(len(samples)) / RATE
+    return "std_msgs/UInt8MultiArray", stamps, [(layout, row) for row in samples]
+
+
+def chamber_topic(pressure, *, later=0.0, above=101_325.0):
+    """An absolute pressure with a clock of its own, at half the rate."""
+    from skinmap.io.ros2.message_types import header
+
+    stamps = (7e9 + 1e9 * (np.arange(0, len(pressure), 2) / RATE + later)).astype(np.int64)
+    values = 1e5 * pressure[::2] + above
+    messages = [(header(int(t), "bag"), float(v), 0.0) for t, v in zip(stamps, values, strict=True)]
+    return "sensor_msgs/FluidPressure", stamps + 10**12, messages  # recorded much later
+
+
+def test_a_bag_teaches_what_its_arrays_do(files, tmp_path):
+    samples, pressure = chamber(1, rows=4500)
+    topics = {"/skin": skin_topic(samples), "/bag/pressure": chamber_topic(pressure, later=0.4)}
+    own = bag(tmp_path / "own.mcap", topics)
+    found = json.loads(run("calibrate", "load", own, "-o", tmp_path / "out", "--json").stdout)
+    arrays = files(
+        "same.npz", samples=samples, times=np.arange(4500) / RATE, pressure_bar=pressure[::2],
+        reference_times=np.arange(0, 4500, 2) / RATE + 0.4,
+    )  # fmt: skip
+    same = json.loads(run("calibrate", "load", arrays, "-o", tmp_path / "in", "--json").stdout)
+    assert found["answered"] == same["answered"] == N - 2
+    assert found["top_bar"] == pytest.approx(same["top_bar"], abs=1e-3)
+    assert found["error_bar"] == pytest.approx(same["error_bar"], rel=0.02)
+
+
+def test_a_bag_without_one_skin_and_one_reference_is_one_line(tmp_path):
+    samples, pressure = chamber(1, rows=900)
+    skin, load = skin_topic(samples), chamber_topic(pressure)
+    force = ("std_msgs/Float64", skin[1], [(float(one),) for one in pressure])
+    for name, topics, words in (
+        ("skin", {"/skin": skin}, "needs one reference"),
+        ("load", {"/load": load}, "no array 'samples'"),
+        ("twice", {"/left": skin, "/right": skin, "/load": load}, "two topics of samples"),
+        ("both", {"/skin": skin, "/load": load, "/cell/force_n": force}, "force_n"),
+    ):
+        line = refused("calibrate", "load", bag(tmp_path / f"{name}.mcap", topics), "-o", "out")
+        assert words in line
+        assert "\n" not in line
+
+
+def test_a_recording_of_ours_renews_the_rest(files, tmp_path):
+    from skinmap.io.mcap.writing import McapRecording
+
+    run("calibrate", "load", files("own.npz"), "-o", tmp_path / "out")
+    file = McapRecording(tmp_path / "rest.mcap", parts=["a"], widths={"raw": [N]}, rate=RATE)
+    for row, sample in enumerate(chamber(2, shift=0.1)[0][:300]):
+        file.add("raw", row / RATE, sample)
+    file.close()
+    words = ("calibrate", "rest", tmp_path / "rest.mcap", "-o", tmp_path / "out")
+    assert json.loads(run(*words, "--json").stdout)["samples"] == 300

@@ -163,7 +163,7 @@ MISTAKES = {
     "calibrate selftouch words.txt --robot icub -o p": "not a recording of self-touch",
     "calibrate wrench words.txt -o w": "not touches with wrenches",
     "calibrate response words.txt -o w": "not samples (.npy, or .npz with samples)",
-    "calibrate load words.txt -o w": "is an .npz or .csv file",
+    "calibrate load words.txt -o w": "is an .npz, .csv or .mcap file",
     "calibrate rest words.txt -o w": "no file 'w'",
     "calibrate batch words.txt -o b": "expected the columns name,layout,mesh,anchors",
 }

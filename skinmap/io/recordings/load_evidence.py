@@ -1,19 +1,22 @@
-"""Samples of a skin beside a known load, each on its own clock: `.npz` or `.csv`."""
+"""Samples of a skin beside a known load, each on its own clock: `.npz`, `.csv` or `.mcap`."""
 
 from __future__ import annotations
 
 import csv
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.archive import read_arrays
 from skinmap.arrays import FloatArray, IntArray, check_finite
-from skinmap.errors import DataFormatError, InvalidArrayError
+from skinmap.errors import DataFormatError, InvalidArrayError, MessageError
 from skinmap.io.text import check_file
+
+if TYPE_CHECKING:
+    from skinmap.io.mcap.reading import Content, Messages
 
 PRESSURES = {"pressure_bar": 1.0, "pressure_kpa": 1e-2, "pressure_pa": 1e-5}
 FORCES = {"mass_kg": 9.80665, "stand": 9.80665, "force_n": 1.0}
@@ -23,6 +26,9 @@ LATER = {
 WRENCH = "wrench"  # force [N] and moment [N m] of a sensor behind the skin, in the link's frame
 UNITS = {"psi": "bar = psi x 0.0689476", "mmhg": "bar = mmHg x 0.00133322"}
 BAR = 1e-5  # bar in a pascal
+NUMBERS = ("UInt8", "Int16", "UInt16", "Int32", "UInt32", "Float32", "Float64")
+ARRAYS = {f"std_msgs/{number}MultiArray" for number in NUMBERS}  # messages of samples
+ABSOLUTE = 5e4  # [Pa]: a pressure that never falls below it is not one above the atmosphere's
 MAX_BAR = 20.0  # above it the unit is wrong: foams of skins are flat by then
 
 
@@ -81,13 +87,11 @@ def read_evidence(path: Path, *, needed: bool = True) -> LoadEvidence:
     MissingFileError, DataFormatError
         No such file, no such array, a unit that is not read, numbers that are none.
     """
-    if path.suffix.lower() not in (".npz", ".csv"):
-        raise DataFormatError(
-            "evidence of loads is an .npz or .csv file; `skinmap export` writes recordings as .npz",
-            path,
-        )
-    check_file(path, "samples beside a known load (.npz or .csv)", 2**32)
-    held = _table(path) if path.suffix.lower() == ".csv" else read_arrays(path)
+    readers = {".npz": read_arrays, ".csv": _table, ".mcap": _messages}
+    if path.suffix.lower() not in readers:
+        raise DataFormatError("evidence of loads is an .npz, .csv or .mcap file", path)
+    check_file(path, "samples beside a known load (.npz, .csv or .mcap)", 2**34)
+    held = readers[path.suffix.lower()](path)
     there = ", ".join(held) or "none"
     for name in ("samples", "times"):
         if name not in held:
@@ -151,6 +155,74 @@ def _with_reference(
     return LoadEvidence(path.name, samples, times, kind, reference * scale, own, channels)
 
 
+def _messages(path: Path) -> dict[str, NDArray[Any]]:
+    """Arrays of a recording in MCAP: ours, or of ROS 2 with a topic of samples and a reference.
+
+    Messages with a header have its time, others the time at which they were recorded. A
+    `FluidPressure` far from zero is absolute, and counts from its lowest reading.
+    """
+    from skinmap.io.mcap.reading import Content, Index, read_track
+    from skinmap.io.mcap.writing import METADATA
+
+    index = Index(path)
+    if METADATA in index.found.metadata:
+        track = read_track(path)
+        return {"samples": track.values[:], "times": track.times}
+    content, found, topics = Content(index), dict[str, NDArray[Any]](), dict[str, str]()
+    for channel in {one.topic: one for one in index.found.copies}.values():
+        schema = index.found.schemas.get(channel.schema_id)
+        kind = schema.name.replace("/msg/", "/") if schema else ""
+        name = _array_of(channel.topic, kind)
+        if not name:
+            continue
+        if name in topics:
+            raise DataFormatError(f"two topics of {name}: {topics[name]}, {channel.topic}", path)
+        topics[name] = channel.topic
+        own = index.of(channel.topic)
+        stamps, values = _columns(content, own, kind, path)
+        found[name], found["times" if name == "samples" else "reference_times"] = values, stamps
+    if "pressure_pa" in found and found["pressure_pa"].min(initial=np.inf) > ABSOLUTE:
+        found["pressure_pa"] -= found["pressure_pa"].min()
+    return found
+
+
+def _array_of(topic: str, kind: str) -> str:
+    """The array that the messages of a topic are; empty for other messages."""
+    last = topic.rpartition("/")[2]
+    if kind in ARRAYS:
+        return "samples"
+    if kind in ("std_msgs/Float32", "std_msgs/Float64"):
+        return last if last in (*PRESSURES, *FORCES) else ""
+    stamped = {"sensor_msgs/FluidPressure": "pressure_pa", "geometry_msgs/WrenchStamped": WRENCH}
+    return stamped.get(kind, "")
+
+
+def _columns(
+    content: Content, messages: Messages, kind: str, path: Path
+) -> tuple[FloatArray, NDArray[Any]]:
+    """Times (t,) [s] and values (t, ...) of the messages of one topic, in the order of time."""
+    from skinmap.io.ros2.message_types import nanoseconds_of, read
+
+    stamps, rows = [], []
+    for row in messages.order().tolist():
+        try:
+            one = read(kind, content(messages, row))
+        except MessageError as error:
+            raise DataFormatError(str(error), path) from None
+        head = getattr(one, "header", None)
+        stamps.append((nanoseconds_of(head) if head else 0) or messages.times[row])
+        if wrench := getattr(one, "wrench", None):
+            sides = (
+                getattr(side, axis) for side in (wrench.force, wrench.torque) for axis in "xyz"
+            )
+            rows.append(np.array([*sides]))
+        else:
+            rows.append(np.asarray(getattr(one, "fluid_pressure", getattr(one, "data", None))))
+    if len({row.shape for row in rows}) > 1:
+        raise DataFormatError(f"messages of {kind} have different lengths", path)
+    return 1e-9 * np.array(stamps, np.float64), np.array(rows)
+
+
 def _table(path: Path) -> dict[str, NDArray[Any]]:
     """A column `time`, one reference perhaps, and every other column a channel."""
     try:
@@ -203,6 +275,8 @@ def _kind(held: dict[str, NDArray[Any]], path: Path, needed: bool) -> str:
 def _check_reference(
     reference: FloatArray, own: FloatArray | None, kind: str, times: FloatArray, path: Path
 ) -> None:
+    if not len(reference):
+        raise DataFormatError(f"{kind} is empty", path)
     if np.ptp(reference) <= 1e-9 * max(1.0, float(np.abs(reference).max())):
         raise DataFormatError(f"{kind} never moves: it teaches nothing", path)
     if own is None:

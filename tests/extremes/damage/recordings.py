@@ -35,6 +35,7 @@ from skinmap.io.recordings.marks import Marks, read_marks
 from skinmap.io.recordings.touch_files import load_recordings, read_recordings
 from skinmap.io.recordings.xdf import read_xdf
 from skinmap.io.ros2.bag import read_bag, read_bag_mapping
+from skinmap.io.ros2.message_types import build, definition, full_name, write
 from skinmap.io.ros2.messages import Cloud, joints_message, read_joints
 from skinmap.io.taxels.cyskin import CySkin, write_cyskin
 from skinmap.live.network.zenoh_stream import CLOUD, values_of
@@ -72,6 +73,28 @@ def loaded() -> bytes:
     """Samples beside a pressure, as `calibrate load` and `examine` read them."""
     times = np.arange(SAMPLES) / RATE
     return zipped(samples=values(), times=times, pressure_bar=np.sin(times))
+
+
+@cache
+def loaded_bag() -> bytes:
+    """The same in MCAP, as ROS 2 records it."""
+    from mcap.writer import Writer
+
+    buffer = io.BytesIO()
+    writer = Writer(buffer)
+    writer.start()
+    layout = build("std_msgs/MultiArrayLayout", [], 0)
+    for kind, topic, fields in (
+        ("std_msgs/UInt8MultiArray", "/skin", [(layout, row) for row in values()]),
+        ("std_msgs/Float64", "/pressure_bar", [(float(np.sin(k)),) for k in range(SAMPLES)]),
+    ):
+        schema = writer.register_schema(full_name(kind), "ros2msg", definition(kind))
+        channel = writer.register_channel(topic, "cdr", schema)
+        for row, one in enumerate(fields):
+            stamp = int(1e9 * row / RATE)
+            writer.add_message(channel, stamp, write(kind, *one), stamp)
+    writer.finish()
+    return buffer.getvalue()
 
 
 def load_model() -> bytes:
@@ -411,6 +434,8 @@ TARGETS = [
     Target("resume", "r.npz", lambda: [kept_result()], resumed),
     *both("load", "l.npz", lambda: [loaded()], read_evidence,
           ("skinmap.io.recordings.load_evidence.read_evidence", "skinmap.archive.read_arrays")),
+    Target("load-mcap", "l.mcap", lambda: [loaded_bag(), mcap()],
+           lambda p: read_evidence(p, needed=False)),
     Target("load-csv", "l.csv", lambda: [ROWS], lambda p: read_evidence(p, needed=False)),
     *both("examined", "e.npz", lambda: [loaded()], read_examined,
           ("skinmap.soundness.track.read_track",)),
