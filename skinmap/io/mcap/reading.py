@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import threading
 from array import array
-from collections import Counter, OrderedDict
+from collections import Counter, OrderedDict, defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -67,11 +67,18 @@ KEPT = 8  # chunks kept unfolded: each of some players comes by each of them onc
 
 
 class Messages:
-    """Where the messages of one channel are: five numbers each, however long they are."""
+    """Where the messages of one channel are: five numbers each, however long they are.
 
-    def __init__(self) -> None:
-        self.times, self.samples = array("Q"), array("I")
-        self.chunks, self.offsets, self.lengths = array("I"), array("I"), array("I")
+    Times, chunks and offsets may be given; lengths are unknown then.
+    """
+
+    def __init__(self, *given: NDArray[Any]) -> None:
+        times, chunks, offsets = given or (np.zeros(0),) * 3
+        self.times = array("Q", times.astype(np.uint64).tobytes())
+        self.samples = array("I", np.arange(len(times), dtype=np.uint32).tobytes())
+        self.chunks = array("I", chunks.astype(np.uint32).tobytes())
+        self.offsets = array("I", offsets.astype(np.uint32).tobytes())
+        self.lengths = array("I", bytes(4 * len(times)))
 
     def __len__(self) -> int:
         return len(self.times)
@@ -96,23 +103,23 @@ class Index:
         self.channels: dict[int, Messages] = {}
         self.chunks: list[Place] = []
         self.path = path
-        found = scan_index(path, self._take_all) if trusted else None
-        if found is None:
-            self.channels, self.chunks = {}, []
-        self.found = scan(path, self._take) if found is None else found
+        pieces: defaultdict[int, list[tuple[NDArray[Any], ...]]] = defaultdict(list)
 
-    def _take_all(
-        self, channel: int, times: NDArray[np.uint64], offsets: NDArray[np.uint64], place: Place
-    ) -> None:
-        if not self.chunks or self.chunks[-1] is not place:
-            self.chunks.append(place)
-        messages, count = self.channels.setdefault(channel, Messages()), len(times)
-        first = len(messages)
-        messages.times.frombytes(np.ascontiguousarray(times).tobytes())
-        messages.samples.frombytes(np.arange(first, first + count, dtype=np.uint32).tobytes())
-        messages.chunks.frombytes(np.full(count, len(self.chunks) - 1, np.uint32).tobytes())
-        messages.offsets.frombytes(offsets.astype(np.uint32).tobytes())
-        messages.lengths.frombytes(bytes(4 * count))
+        def take(
+            channel: int, times: NDArray[np.uint64], offsets: NDArray[np.uint64], place: Place
+        ) -> None:
+            if not self.chunks or self.chunks[-1] is not place:
+                self.chunks.append(place)
+            chunk = np.full(len(times), len(self.chunks) - 1, np.uint32)
+            pieces[channel].append((times, chunk, offsets))
+
+        found = scan_index(path, take) if trusted else None
+        if found is None:
+            self.chunks = []
+        else:
+            for channel, own in pieces.items():
+                self.channels[channel] = Messages(*map(np.concatenate, zip(*own, strict=True)))
+        self.found = scan(path, self._take) if found is None else found
 
     def _take(
         self, channel: int, sample: int, time: int, offset: int, length: int, place: Place
