@@ -9,6 +9,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.soundness.finding import Finding, Kind, finding, spans_of, subject
 from skinmap.soundness.survey import SIGMA_OF_SECOND, Survey
 
+CUT, FAR = 0.89, 1.5  # confidence in one at the least value of a type, up to so many times as many
 SURE = 16.0  # changes that a stretch without any should have had
 MODULE, DEAD_MODULE = 3, 6  # channels that hang together for a while, or always
 TOGETHER = 0.8  # share of their rows in which channels that hang together both stand still
@@ -161,9 +162,9 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     # What is cut off stands still at the top under each strong load.
     highest = survey.mean == (top.max() if survey.rising else top.min())
     quiet &= ((survey.mean != top) | ~_cut(survey)) & ~(highest & ~_lasting(survey, highest))
-    holds = _holds(survey, quiet)
+    usual, long = _holds(survey, quiet)
     for channel in np.flatnonzero(~survey.constant & ~bad & quiet.any(axis=0)).tolist():
-        for first, last, sure in _stops(survey, channel, quiet[:, channel], holds):
+        for first, last, sure in _stops(survey, channel, quiet[:, channel], usual):
             a, b = _exact(survey, channel, first, last)
             runs.append((a, b, channel, sure))
     held = [one for one in runs if one[3] == HELD]
@@ -176,6 +177,9 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         a, b, _, _ = left[0]
         same = [one for one in left if _alike(one, left[0])]
         left = [one for one in left if one not in same]
+        faint = same[0][3] == CUT or (same[0][3] == HELD and b - a < 3 * long * survey.cell)
+        if len(same) < MODULE and faint:
+            continue  # chance or a firm hold, but not on several channels to the row
         channels = np.array(sorted(one[2] for one in same))
         bad[channels] = True
         # All of a module stop and go on together; each may have stood still a little longer.
@@ -221,13 +225,14 @@ def _joined(found: list[Finding]) -> list[Finding]:
     return list(by.values())
 
 
-def _holds(survey: Survey, quiet: NDArray[np.bool_]) -> float:
-    """Cells for which a touched channel of a sound skin may stand still: the usual longest hold."""
+def _holds(survey: Survey, quiet: NDArray[np.bool_]) -> tuple[float, float]:
+    """Cells for which touched channels stand still at the longest: usually, and one in ten."""
     held = quiet & (survey.response > survey.floor)
     longest = [
         max((b - a + 1 for a, b in spans_of(np.flatnonzero(one))), default=0) for one in held.T
     ]
-    return float(np.percentile(longest, 40.0)) if longest else 0.0
+    usual, long = np.percentile(longest or [0], (40.0, 90.0)).tolist()
+    return usual, long
 
 
 def _stops(
@@ -256,8 +261,10 @@ def _stops(
         total = np.cumsum(np.concatenate([[0.0], outside]))
         calmest = float((total[window:] - total[:-window]).min() / window)
         expected = calmest * length * survey.cell
+        # Noise around a rest below the least value of a type is cut off there, and rare.
+        cut = survey.track.values.dtype.kind == "u" and own[first + 1] == 0
         if expected > SURE:
-            found.append((first, last, 0.99))
+            found.append((first, last, CUT if cut and expected < FAR * SURE else 0.99))
         elif far[first : last + 1].all() and length > 3 * max(holds, 3):
             again = spans_of(np.flatnonzero(quiet & (own == own[first + 1])), join=2)
             lasting += 1

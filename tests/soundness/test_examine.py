@@ -49,6 +49,17 @@ def test_clean_touches_that_follow_each_other_closely_have_no_finding(robot, par
     assert [one.text for one in own] == []
 
 
+def test_clean_touches_of_another_physics_have_no_finding():
+    pytest.importorskip("mujoco", reason="the extra `mujoco` is not installed")
+    from skinmap.physics.simulation import simulate
+
+    skin = skinmap.load_robot("icub").skin("left_leg_upper")
+    rng = np.random.default_rng(12)
+    made = simulate(skin, rng=rng, per_gesture=3, variant="foam", variety=0.0)
+    own = examine_track(Track("clean", made.pressures, made.times))[0].findings
+    assert [one.text for one in own] == []
+
+
 def test_a_module_that_hangs_has_its_own_channels_and_rows():
     skin = skinmap.load_robot("icub").skin("left_foot")
     made = skinmap.simulate(skin, per_gesture=5, variety=0.0, rng=4)
