@@ -116,6 +116,12 @@ def _parts(robot: str) -> dict[str, str]:
     return {name: f"on link {found.part(name).link} of {found.name}" for name in names}
 
 
+def _kinds(_: str) -> dict[str, str]:
+    from skinmap.recognition.answering import shipped_answers
+
+    return {name: ABOUT.get(name, "") for name in shipped_answers().machines["kind"].labels}
+
+
 def _described(place: str) -> Callable[[str], dict[str, str]]:
     """Names at "module:attribute", a registry or a sequence of names, each with its line."""
 
@@ -132,6 +138,7 @@ KINDS: dict[str, Callable[[str], dict[str, str]]] = {
     "parts": _parts,
     "classifiers": _described("skinmap.recognition.catalogue:classifiers"),
     "methods": _described("skinmap.flat.methods:flatteners"),
+    "kinds": _kinds,
     "gestures": _described("skinmap.touch.simulation.simulator:EVERY"),
     "sources": _described("skinmap.live.sources.open_source:sources"),
 }
@@ -144,8 +151,8 @@ KINDS: dict[str, Callable[[str], dict[str, str]]] = {
 def command(kind: str, robot: str, as_json: bool) -> None:
     """List names that commands take, with a line on each.
 
-    KIND is robots, parts (of ROBOT), classifiers, methods (of flattening), gestures, sources or
-    layers (of the viewer).
+    KIND is robots, parts (of ROBOT), classifiers, methods (of flattening), kinds (of touch that
+    the shipped model names), gestures (of the simulator), sources or layers (of the viewer).
 
     \b
     Example:  skinmap list parts kaspar

@@ -77,6 +77,7 @@ def test_a_robot_that_is_gone_is_named(own, tmp_path):
         (("parts", "kaspar"), {"torso", "left_hand"}),
         (("classifiers",), {"contact-geometry", "histogram"}),
         (("methods",), {"balanced", "auto"}),
+        (("kinds",), {"full_finger", "three_finger", "whole_hand"}),
         (("gestures",), {"poke", "squeeze"}),
         (("sources",), {"sim", "lsl"}),
         (("layers",), set(LAYERS)),

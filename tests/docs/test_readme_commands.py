@@ -46,6 +46,16 @@ def test_commands_of_the_readme_run_one_after_another(clone):
     assert (clone / "mine.png").stat().st_size > 10_000
 
 
+def test_own_touches_of_the_readme_come_from_two_sessions_and_two_people():
+    """So `evaluate --leave-out session` and `person` have something to leave out."""
+    recorded = [shlex.split(line) for line in LINES if "--label" in line]
+    labels = {words[words.index("--label") + 1] for words in recorded}
+    for option in ("--session", "--person"):
+        groups = {words[words.index(option) + 1] for words in recorded}
+        assert len(groups) >= 2
+        assert len(recorded) == len(groups) * len(labels)
+
+
 def test_own_robot_takes_four_commands_and_a_minute(clone, tmp_path):
     script = clone / "docs" / "examples" / "own_robot.sh"
     assert len(re.findall(r"^skinmap ", script.read_text(), re.M)) <= MOST_COMMANDS
