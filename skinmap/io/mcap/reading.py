@@ -96,23 +96,19 @@ class Index:
         self.channels: dict[int, Messages] = {}
         self.chunks: list[Place] = []
         self.path = path
-        found = scan_index(path, self._take_all) if trusted else None
-        if found is None:
-            self.channels, self.chunks = {}, []
-        self.found = scan(path, self._take) if found is None else found
-
-    def _take_all(
-        self, channel: int, times: NDArray[np.uint64], offsets: NDArray[np.uint64], place: Place
-    ) -> None:
-        if not self.chunks or self.chunks[-1] is not place:
-            self.chunks.append(place)
-        messages, count = self.channels.setdefault(channel, Messages()), len(times)
-        first = len(messages)
-        messages.times.frombytes(np.ascontiguousarray(times).tobytes())
-        messages.samples.frombytes(np.arange(first, first + count, dtype=np.uint32).tobytes())
-        messages.chunks.frombytes(np.full(count, len(self.chunks) - 1, np.uint32).tobytes())
-        messages.offsets.frombytes(offsets.astype(np.uint32).tobytes())
-        messages.lengths.frombytes(bytes(4 * count))
+        whole = scan_index(path) if trusted else None
+        if whole is None:
+            self.found = scan(path, self._take)
+            return
+        self.found, self.chunks = whole.found, whole.chunks
+        for channel, (pairs, chunks) in whole.places.items():
+            messages, count = Messages(), len(pairs)
+            self.channels[channel] = messages
+            messages.times.frombytes(pairs[:, 0].tobytes())
+            messages.samples.frombytes(np.arange(count, dtype=np.uint32).tobytes())
+            messages.chunks.frombytes(chunks.tobytes())
+            messages.offsets.frombytes(pairs[:, 1].astype(np.uint32).tobytes())
+            messages.lengths.frombytes(bytes(4 * count))
 
     def _take(
         self, channel: int, sample: int, time: int, offset: int, length: int, place: Place
