@@ -228,7 +228,8 @@ def _joined(
     """The index of one channel from its pieces, each of them a chunk's number and its pairs."""
     numbers, pairs = zip(*pieces, strict=True)
     counts = np.array([len(each) for each in pairs]) // PLACE.size
-    both = np.frombuffer(b"".join(pairs), "<u8").reshape(-1, 2) + np.array([0, CONTENT], "<u8")
+    both = np.frombuffer(bytearray().join(pairs), "<u8").reshape(-1, 2)
+    both[:, 1] += CONTENT
     return both, np.repeat(np.array(numbers, np.uint32), counts)
 
 
