@@ -97,7 +97,7 @@ def write_beside(
         if common:
             values = difference(left, right, common)
             pairs = paired_touches(_touches(first), _touches(second))
-            found = _measured(values, [_row(*pair) for pair in pairs], least_of(left.layer))
+            found = _measured(values, list(starmap(changed_touch, pairs)), least_of(left.layer))
             shown = [one for one in starmap(moved_touch, pairs) if one.part in common]
             moved = second and dataclasses.replace(second, touches=tuple(shown))
             pictures.append(_difference_picture(session, look, values, left, moved))
@@ -184,11 +184,6 @@ def difference(left: Scene, right: Scene, parts: Sequence[str]) -> dict[str, Flo
     return shown
 
 
-def changed_touches(left: Sequence[NamedTouch], right: Sequence[NamedTouch]) -> list[ChangedTouch]:
-    """How the touches of two differ, as `paired_touches` has them."""
-    return [_row(*pair) for pair in paired_touches(left, right)]
-
-
 def paired_touches(left: Sequence[NamedTouch], right: Sequence[NamedTouch]) -> list[Pair]:
     """Touches of both, each with that of its part with most taxels in common, or the nearest."""
     rest: list[NamedTouch] = list(right)
@@ -225,7 +220,8 @@ def _apart(touch: NamedTouch) -> Callable[[NamedTouch], tuple[int, float]]:
     return key
 
 
-def _row(left: NamedTouch | None, right: NamedTouch | None) -> ChangedTouch:
+def changed_touch(left: NamedTouch | None, right: NamedTouch | None) -> ChangedTouch:
+    """How a touch differs between left and right; None where it is not there."""
     either = left or right
     assert either is not None
     moved = None

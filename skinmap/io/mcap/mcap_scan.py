@@ -136,32 +136,40 @@ def scan(path: Path, take: Take) -> Scan:
     return found
 
 
-TakeAll = Callable[[int, NDArray[np.uint64], NDArray[np.uint64], Place], None]
+@dataclass(slots=True)
+class FileIndex:
+    """Contents of a whole file's index.
+
+    Attributes
+    ----------
+    found : Scan
+    chunks : list of Place
+    places : dict
+        By channel: (m, 2) times [ns] of its messages and offsets of their bytes in the content of
+        their chunk; (m,) numbers of these chunks.
+    """
+
+    found: Scan
+    chunks: list[Place]
+    places: dict[int, tuple[NDArray[np.uint64], NDArray[np.uint32]]]
 
 
-def scan_index(path: Path, take: TakeAll) -> Scan | None:
+def scan_index(path: Path) -> FileIndex | None:
     """Go through the index of a file that is whole; None of one that cannot be known to be.
 
     Our files state the checksum of their bytes. No chunk is unfolded.
-
-    Parameters
-    ----------
-    path : Path
-    take : callable
-        Called with a channel, the times [ns] of its messages in a chunk, where their bytes begin
-        in the chunk's content, and the chunk's place.
     """
     size = path.stat().st_size if is_file(path) else 0
     if size < len(MAGIC) + END:
         return None
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         try:
-            return _by_index(data, path, take)
+            return _by_index(data, path)
         except (*DAMAGED, KeyError, TypeError):  # no such index, or not a true one
             return None
 
 
-def _by_index(data: mmap.mmap, path: Path, take: TakeAll) -> Scan | None:
+def _by_index(data: mmap.mmap, path: Path) -> FileIndex | None:
     size = len(data)
     footer = size - END
     opcode, length = HEAD.unpack_from(data, footer)
@@ -194,28 +202,35 @@ def _by_index(data: mmap.mmap, path: Path, take: TakeAll) -> Scan | None:
     with memoryview(data) as view, view[: int(whole["bytes"])] as before:
         if not len(before) or zlib.crc32(before) != int(whole["crc32"]):
             return None
-    for place, after in chunks:
-        _indexed(
-            data[place.offset + place.length : place.offset + place.length + after], place, take
-        )
-    return found
+    places: dict[int, list[tuple[int, bytes]]] = {}
+    for number, (place, after) in enumerate(chunks):
+        offset = place.offset + place.length
+        end = offset + after
+        while offset < end:
+            opcode, length = HEAD.unpack_from(data, offset)
+            offset += HEAD.size
+            if opcode == MESSAGE_INDEX:
+                channel, several = INDEX_HEAD.unpack_from(data, offset)
+                begin = offset + INDEX_HEAD.size
+                places.setdefault(channel, []).append((number, data[begin : begin + several]))
+            offset += length
+    joined = {channel: _joined(pieces) for channel, pieces in places.items()}
+    return FileIndex(found, [place for place, _ in chunks], joined)
 
 
 def _nothing(*_: object) -> None:
     """Take no message: a summary has none."""
 
 
-def _indexed(records: bytes, place: Place, take: TakeAll) -> None:
-    """Hand out the places of a chunk's messages by the indexes that follow it."""
-    offset = 0
-    while offset < len(records):
-        opcode, length = HEAD.unpack_from(records, offset)
-        offset += HEAD.size
-        if opcode == MESSAGE_INDEX:
-            channel, several = INDEX_HEAD.unpack_from(records, offset)
-            pairs = np.frombuffer(records, "<u8", several // 8, offset + INDEX_HEAD.size)
-            take(channel, pairs[::2], pairs[1::2] + CONTENT, place)
-        offset += length
+def _joined(
+    pieces: list[tuple[int, bytes]],
+) -> tuple[NDArray[np.uint64], NDArray[np.uint32]]:
+    """The index of one channel from its pieces, each of them a chunk's number and its pairs."""
+    numbers, pairs = zip(*pieces, strict=True)
+    counts = np.array([len(each) for each in pairs]) // PLACE.size
+    both = np.frombuffer(bytearray().join(pairs), "<u8").reshape(-1, 2)
+    both[:, 1] += CONTENT
+    return both, np.repeat(np.array(numbers, np.uint32), counts)
 
 
 def _record(file: IO[bytes], offset: int, found: Scan, take: Take) -> int:

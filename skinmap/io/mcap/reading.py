@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import threading
 from array import array
-from collections import Counter, OrderedDict, defaultdict
+from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -67,18 +67,11 @@ KEPT = 8  # chunks kept unfolded: each of some players comes by each of them onc
 
 
 class Messages:
-    """Where the messages of one channel are: five numbers each, however long they are.
+    """Where the messages of one channel are: five numbers each, however long they are."""
 
-    Times, chunks and offsets may be given; lengths are unknown then.
-    """
-
-    def __init__(self, *given: NDArray[Any]) -> None:
-        times, chunks, offsets = given or (np.zeros(0),) * 3
-        self.times = array("Q", times.astype(np.uint64).tobytes())
-        self.samples = array("I", np.arange(len(times), dtype=np.uint32).tobytes())
-        self.chunks = array("I", chunks.astype(np.uint32).tobytes())
-        self.offsets = array("I", offsets.astype(np.uint32).tobytes())
-        self.lengths = array("I", bytes(4 * len(times)))
+    def __init__(self) -> None:
+        self.times, self.samples = array("Q"), array("I")
+        self.chunks, self.offsets, self.lengths = array("I"), array("I"), array("I")
 
     def __len__(self) -> int:
         return len(self.times)
@@ -103,23 +96,19 @@ class Index:
         self.channels: dict[int, Messages] = {}
         self.chunks: list[Place] = []
         self.path = path
-        pieces: defaultdict[int, list[tuple[NDArray[Any], ...]]] = defaultdict(list)
-
-        def take(
-            channel: int, times: NDArray[np.uint64], offsets: NDArray[np.uint64], place: Place
-        ) -> None:
-            if not self.chunks or self.chunks[-1] is not place:
-                self.chunks.append(place)
-            chunk = np.full(len(times), len(self.chunks) - 1, np.uint32)
-            pieces[channel].append((times, chunk, offsets))
-
-        found = scan_index(path, take) if trusted else None
-        if found is None:
-            self.chunks = []
-        else:
-            for channel, own in pieces.items():
-                self.channels[channel] = Messages(*map(np.concatenate, zip(*own, strict=True)))
-        self.found = scan(path, self._take) if found is None else found
+        whole = scan_index(path) if trusted else None
+        if whole is None:
+            self.found = scan(path, self._take)
+            return
+        self.found, self.chunks = whole.found, whole.chunks
+        for channel, (pairs, chunks) in whole.places.items():
+            messages, count = Messages(), len(pairs)
+            self.channels[channel] = messages
+            messages.times.frombytes(pairs[:, 0].tobytes())
+            messages.samples.frombytes(np.arange(count, dtype=np.uint32).tobytes())
+            messages.chunks.frombytes(chunks.tobytes())
+            messages.offsets.frombytes(pairs[:, 1].astype(np.uint32).tobytes())
+            messages.lengths.frombytes(bytes(4 * count))
 
     def _take(
         self, channel: int, sample: int, time: int, offset: int, length: int, place: Place

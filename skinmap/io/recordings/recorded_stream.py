@@ -275,10 +275,10 @@ def whole_counts(values: NDArray[Any]) -> bool:
 
 def seconds_of(nanoseconds: NDArray[np.uint64]) -> FloatArray:
     """Whole nanoseconds as the nearest seconds; a hair off beyond 104 days."""
-    if nanoseconds.max(initial=0) < 2**53:
-        return np.asarray(nanoseconds / NS)
-    whole, rest = np.divmod(nanoseconds, NS)
     # Up to 2^53 both numbers are exact as floats, so that one division rounds once.
+    if nanoseconds.max(initial=0) < 2**53:
+        return nanoseconds / NS
+    whole, rest = np.divmod(nanoseconds, NS)
     return np.where(nanoseconds < 2**53, nanoseconds / NS, whole + rest / NS)
 
 

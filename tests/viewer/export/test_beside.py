@@ -13,7 +13,7 @@ from PIL import Image
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.live.contacts.named_touch import NamedTouch
-from viewer.export.beside import changed_touches, moved_touch
+from viewer.export.beside import changed_touch, moved_touch, paired_touches
 
 
 def recorded(path: Path, robot: str, part: str, seed: int) -> Path:
@@ -95,15 +95,16 @@ def test_the_difference_shows_both_names_and_the_way_between():
     assert moved_touch(left, None).label == "poke, left only"
 
 
-def test_changed_touches_pairs_what_lies_on_the_same_taxels():
+def test_touches_pair_that_lie_on_the_same_taxels():
     def touch(label: str, taxels: list[int], x: float, part: str = "torso") -> NamedTouch:
         return NamedTouch(part, np.array(taxels), np.array([x, 0.0, 0.0]), label, 0.9)
 
     left = [touch("poke", [1, 2], 0.0), touch("hold", [8, 9], 0.1)]
     right = [touch("tap", [9, 10], 0.11), touch("poke", [5], 0.01), touch("rub", [0], 0.0, "foot")]
-    rows = [(one.part, one.left, one.right) for one in changed_touches(left, right)]
+    changed = [changed_touch(*pair) for pair in paired_touches(left, right)]
+    rows = [(one.part, one.left, one.right) for one in changed]
     assert rows == [("torso", "poke", "poke"), ("torso", "hold", "tap"), ("foot", None, "rub")]
-    assert changed_touches(left, right)[1].moved_mm == pytest.approx(10.0)
+    assert changed[1].moved_mm == pytest.approx(10.0)
 
 
 @pytest.mark.parametrize(
