@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -34,7 +35,7 @@ from viewer.interaction.saving import apply_view, check_view
 from viewer.interaction.selection import Selection
 from viewer.interaction.view_file import SavedView
 from viewer.layers import Layers
-from viewer.playing.player import stepwise
+from viewer.playing.player import LoopFeed, stepwise
 from viewer.scene import LazyMaps, Scene
 
 LIVE = 5.0  # how long a live source is watched for a picture or a movie [s]
@@ -168,10 +169,12 @@ class Session:
             self.learn_rest(loop)
         return loop
 
-    def learn_rest(self, loop: TouchLoop, start: float = 0.0) -> None:
-        """Tell a loop what its taxels are at rest, from the same samples read before [s]."""
+    def learn_rest(self, loop: TouchLoop) -> None:
+        """Tell a loop what its taxels are at rest, from the beginning of the same samples.
+
+        So a moment has the same names whether it is gone to or played to.
+        """
         with closing(self.open(hurry=True)) as ahead:
-            _led(ahead, start)
             loop.learn_rest(ahead, LEARN)
 
     @property
@@ -214,10 +217,15 @@ class Session:
         end = start + (length if seconds is None else seconds)
         loop = self.touch_loop(source, self.classifier() if name else None, singly=True)
         if self.repeats:
-            self.learn_rest(loop, start)
+            self.learn_rest(loop)
         try:
             before = _led(source, start)
-            for moment in _heard(loop, end):
+            heard = _heard(loop, end)
+            if recording and start > 0.0 and (first := next(heard, None)) is not None:
+                self.origin = first.time - before if math.isnan(self.origin) else self.origin
+                led, _ = LoopFeed(loop).lead(start, LEAD)  # named as a play to there names
+                heard = itertools.chain(led[-1:], heard)
+            for moment in heard:
                 if math.isnan(self.origin):
                     self.origin = moment.time - before
                 passed = moment.time - self.origin

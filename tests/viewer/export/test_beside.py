@@ -124,3 +124,15 @@ def test_beside_refuses_in_one_line(pair, tmp_path, monkeypatch, words, line):
     said = str(done.exception) if isinstance(done.exception, SkinError) else done.output
     assert line in said
     assert not list(tmp_path.glob("x.*"))
+
+
+def test_a_moment_has_the_names_of_a_play_from_the_beginning(opengl, tmp_path):
+    held = tmp_path / "held.mcap"  # each touch lasts for longer than what is played before it
+    words = ["record", "sim:hold,seed=3", "--robot", "kaspar", "--part", "torso", "--seconds", "8"]
+    done = CliRunner().invoke(cli, [*words, "--speed", "inf", "-o", str(held)])
+    assert done.exit_code == 0, done.output
+    shown = view(held, "--screenshot", tmp_path / "most.png")
+    again = view(held, "--at", shown["time"], "--screenshot", tmp_path / "at.png")
+    assert again["time"] == pytest.approx(shown["time"], abs=1e-6)
+    assert shown["touches"]
+    assert again["touches"] == shown["touches"]
