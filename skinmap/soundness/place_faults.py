@@ -16,6 +16,9 @@ BESIDE = 8  # channels that are a channel's neighbours, at most
 WIDE = 2.2  # of the usual spacing: neighbours lie so near
 FAR = 4.0  # of the usual spacing: another place
 AGREE, DISAGREE, ALIKE = 0.2, 0.05, 0.6  # correlations of channels that are touched together
+TWICE = 2  # episodes of a channel that may have been exchanged with another
+FITS = 0.8  # correlation of an exchanged channel with the neighbours of the other
+GAIN = 0.2  # of correlation by which both channels of a pair fit better when exchanged
 TOUCHED = 6  # episodes of a channel that is judged
 LEAST, MOST = 4, 3000  # channels that sit elsewhere together; of a skin that is judged
 
@@ -32,7 +35,54 @@ def place_faults(survey: Survey, bad: NDArray[np.bool_], often: NDArray[np.int64
         text = subject(lost, "answers and has", "answer and have") + " no place on the skin."
         found.append(finding("place", text, channels=lost))
     rows = np.flatnonzero(known & ~survey.constant & ~bad & (often >= TOUCHED))
-    return found + (_elsewhere(survey, rows, places[rows]) if len(rows) >= 12 else [])
+    elsewhere = _elsewhere(survey, rows, places[rows]) if len(rows) >= 12 else []
+    rows = np.flatnonzero(known & ~survey.constant & ~bad & (often >= TWICE))
+    if not elsewhere and len(rows) >= 12:
+        elsewhere = _exchanged(survey, rows, places[rows])
+    return found + elsewhere
+
+
+def _exchanged(survey: Survey, rows: NDArray[np.int64], at: FloatArray) -> list[Finding]:
+    """Pairs of channels that each answer as the neighbours of the other do, in both halves."""
+    answers = np.maximum(survey.response[:, rows], 0.0)
+    away, near = cKDTree(at).query(at, k=min(BESIDE + 1, len(rows)))
+    pitch = float(np.median(away[:, 1]))
+    near[away > WIDE * pitch] = -1  # too far to feel the same
+    beside = [one[1:][one[1:] >= 0] for one in near]
+    usual = np.column_stack(
+        [np.median(answers[:, own], axis=1) if len(own) >= 3 else np.zeros(len(answers))
+         for own in beside]
+    )  # fmt: skip
+    whole, *halves = (
+        _likeness(answers[part], usual[part])
+        for part in (slice(None), slice(len(answers) // 2), slice(len(answers) // 2, None))
+    )
+    gain, *half_gains = (_gain(one) for one in (whole, *halves))
+    fit = np.minimum(whole, whole.T)
+    apart = np.linalg.norm(at[:, None] - at[None], axis=2) > WIDE * pitch
+    gain[~(apart & (fit > FITS) & (np.minimum(*half_gains) > 0.0))] = 0.0
+    best = gain.argmax(axis=1)
+    one = np.arange(len(rows))
+    mutual = (best[best] == one) & (one < best) & (gain[one, best] > GAIN)
+    pairs = [(int(rows[a]), int(rows[best[a]])) for a in np.flatnonzero(mutual)]
+    return [
+        finding("wiring", f"Channels {a} and {b} are exchanged: each answers as the other's "
+                "neighbours do.", channels=[a, b], confidence=0.9)
+        for a, b in pairs
+    ]  # fmt: skip
+
+
+def _gain(likeness: FloatArray) -> FloatArray:
+    """(n, n) by how much both channels of a pair fit better when they are exchanged."""
+    gain = likeness - np.diag(likeness)[:, None]
+    return np.asarray(np.minimum(gain, gain.T))
+
+
+def _likeness(answers: FloatArray, usual: FloatArray) -> FloatArray:
+    """(n, n) correlation of what each channel answers with what is usual at each place."""
+    centred = [one - one.mean(axis=0) for one in (answers, usual)]
+    sizes = [np.maximum(np.linalg.norm(one, axis=0), 1e-12) for one in centred]
+    return np.asarray(centred[0].T @ centred[1] / np.outer(*sizes))
 
 
 def _elsewhere(survey: Survey, rows: NDArray[np.int64], at: FloatArray) -> list[Finding]:

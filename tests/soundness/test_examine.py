@@ -344,3 +344,15 @@ def test_a_robots_places_go_by_the_number_of_channels(tmp_path):
     assert CliRunner().invoke(cli, [*words, "kaspar"]).exit_code == 0
     refused = CliRunner().invoke(cli, [*words, "baxter-forearm"])
     assert "240 channels; the taxels of" in str(refused.exception)
+
+
+@pytest.mark.parametrize("swapped", [None, (311, 384), (49, 379)])
+def test_two_exchanged_wires_are_named_and_sound_ones_are_not(swapped):
+    skin = skinmap.load_robot("icub").skin("torso")
+    made = skinmap.simulate(skin, per_gesture=25, variety=0.0, rng=0)
+    values = made.pressures.copy()
+    if swapped:
+        values[:, list(swapped)] = values[:, list(swapped)[::-1]]
+    own = examine_track(Track("wires", values, made.times, places=skin.positions))[0].findings
+    found = [one.channels for one in own if one.kind == "wiring"]
+    assert found == ([sorted(swapped)] if swapped else [])
