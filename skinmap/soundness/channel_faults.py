@@ -319,12 +319,11 @@ def _copied(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         alike = (fast.T @ fast) / np.maximum(np.outer(size, size), 1e-30)
         np.fill_diagonal(alike, 0.0)
         usual = np.partition(alike, -2, axis=1)[:, -2] if len(lively) > 3 else np.zeros(len(lively))
-        twins = [
+        pairs |= {
             (int(lively[a]), int(lively[b]))
             for a, b in np.argwhere(np.triu(alike) > COPY).tolist()
             if max(usual[a], usual[b]) < 0.9 or alike[a, b] > 0.9999
-        ]
-        pairs |= set(twins)
+        }
     if len(pairs) > MANY:  # so many move for a common reason
         return []
     found = []
@@ -390,9 +389,8 @@ def _clipped(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         )  # fmt: skip
         piled &= plateau >= 2.0
         kind = survey.track.values.dtype
-        if (
-            kind.kind in "iu" and (full := top.max(initial=0.0)) in FULL_SCALES
-        ):  # strong touches may
+        full = top.max(initial=0.0)
+        if kind.kind in "iu" and full in FULL_SCALES:  # strong touches may reach it
             touched = survey.touched[:, lively].sum(axis=0)
             much = (top == full) & (cells > np.maximum(0.02 * len(at), FULL * touched))
             piled &= (top < full) | (much & (much.sum() > SEVERAL * busy.sum()))

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
+from scipy.spatial.distance import cdist
 
 from skinmap.arrays import FloatArray
 from skinmap.soundness.finding import Finding, finding, named, subject
@@ -59,7 +60,7 @@ def _exchanged(survey: Survey, rows: NDArray[np.int64], at: FloatArray) -> list[
     )
     gain, *half_gains = (_gain(one) for one in (whole, *halves))
     fit = np.minimum(whole, whole.T)
-    apart = np.linalg.norm(at[:, None] - at[None], axis=2) > WIDE * pitch
+    apart = cdist(at, at) > WIDE * pitch
     gain[~(apart & (fit > FITS) & (np.minimum(*half_gains) > 0.0))] = 0.0
     best = gain.argmax(axis=1)
     one = np.arange(len(rows))
@@ -73,13 +74,13 @@ def _exchanged(survey: Survey, rows: NDArray[np.int64], at: FloatArray) -> list[
 
 
 def _gain(likeness: FloatArray) -> FloatArray:
-    """(n, n) by how much both channels of a pair fit better when they are exchanged."""
+    """(n, n) correlation that both channels of a pair win when they are exchanged."""
     gain = likeness - np.diag(likeness)[:, None]
     return np.asarray(np.minimum(gain, gain.T))
 
 
 def _likeness(answers: FloatArray, usual: FloatArray) -> FloatArray:
-    """(n, n) correlation of what each channel answers with what is usual at each place."""
+    """(n, n) correlation of the answers of each channel with those usual at each place."""
     centred = [one - one.mean(axis=0) for one in (answers, usual)]
     sizes = [np.maximum(np.linalg.norm(one, axis=0), 1e-12) for one in centred]
     return np.asarray(centred[0].T @ centred[1] / np.outer(*sizes))
@@ -88,9 +89,7 @@ def _likeness(answers: FloatArray, usual: FloatArray) -> FloatArray:
 def _elsewhere(survey: Survey, rows: NDArray[np.int64], at: FloatArray) -> list[Finding]:
     """Channels that no neighbour agrees with, and channels far away do."""
     answers = np.maximum(survey.response[:, rows], 0.0)
-    answers = answers - answers.mean(axis=0)
-    size = np.maximum(np.linalg.norm(answers, axis=0), 1e-12)
-    alike = (answers.T @ answers) / np.outer(size, size)
+    alike = _likeness(answers, answers)
     tree = cKDTree(at)
     away, near = tree.query(at, k=min(BESIDE + 1, len(rows)))
     pitch = float(np.median(away[:, 1]))

@@ -159,6 +159,14 @@ def test_wide_networks_learn_in_mixed_precision_and_keep_float32_weights(
     assert (net.logits(images).argmax(axis=1) == number).mean() >= 0.9
 
 
+def test_wide_networks_train_where_torch_knows_no_matrix_units(bars, monkeypatch):
+    torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
+    monkeypatch.delattr(torch.cpu, "_is_amx_tile_supported")
+    images, labels = bars
+    machine = ContactImageCNN("paper", epochs=1, batch=8).fit(images[:8], labels[:8])
+    assert machine.trained.weight.dtype == np.float32
+
+
 def test_training_that_runs_away_is_an_error(bars):
     pytest.importorskip("torch", reason="the extra `torch` is not installed")
     images, labels = bars

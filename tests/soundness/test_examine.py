@@ -73,7 +73,7 @@ def test_a_module_that_hangs_has_its_own_channels_and_rows():
     assert abs(last - 799) <= 2
 
 
-def test_coarse_channels_are_no_copies_of_each_other():
+def test_coarse_channels_are_not_copies_of_each_other():
     values = noise(2000, 60)
     coarse = [7, 20, 41]
     values[:, coarse] = np.rint(values[:, coarse] / 4.0) * 4.0

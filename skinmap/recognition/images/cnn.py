@@ -271,7 +271,8 @@ def _descend(
     seen, wanted = torch.from_numpy(images[:, None].copy()), torch.from_numpy(labels.copy())
     seen = seen.to(memory_format=torch.channels_last)
     at_once = max(CACHED // (4 * recipe.channels * images[0].size), 1)
-    mixed = recipe.channels >= WIDE and torch.cpu._is_amx_tile_supported()
+    matrix_unit = getattr(torch.cpu, "_is_amx_tile_supported", bool)  # older torch cannot tell
+    mixed = recipe.channels >= WIDE and matrix_unit()
     for epoch in range(recipe.epochs):
         for group in descent.param_groups:
             group["lr"] = recipe.rate(epoch)
