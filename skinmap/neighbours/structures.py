@@ -235,7 +235,7 @@ def find_structures(
     it moves to the mean of its members before the next is chosen, so that its own noise does not
     count. What no prototype covers may join one that it strays from a little (see `assign`); what
     is still left gets shapes of its own. Where positions are so noisy that most would be left,
-    neighbourhoods need only resemble each other (`resemblance.py`): every taxel has a structure.
+    neighbourhoods need only resemble each other: every taxel has a structure.
 
     Parameters
     ----------
