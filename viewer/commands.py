@@ -35,7 +35,7 @@ from viewer.results import DemoResult, ViewFiles, ViewPage, ViewWindow
 # As `viewer.layers` has them, which takes a second to import; a test compares.
 LAYERS = (
     "pressure", "raw", "binary", "structures", "uncertainty", "distortion", "health", "patches",
-    "touched",
+    "touched", "changed",
 )  # fmt: skip
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
 MOST_COUNTED = 20_000_000  # bytes of a recording that touches are counted in unasked
@@ -93,8 +93,8 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
     "calibrations",
     multiple=True,
     metavar="[PART=]FILE",
-    help="Calibrated taxels, for the layer uncertainty, or a load calibration, for forces in "
-    "newtons; may be repeated.",
+    help="Calibrated taxels, for the layer uncertainty, a load calibration, for forces in "
+    "newtons, or a folder of check-ups, for the layer changed; may be repeated.",
 )
 @response_option
 @click.option(
@@ -330,11 +330,15 @@ def _counts(layer: str | None) -> bool:
 
 def _session(options: Mapping[str, Any]) -> Any:
     """The robot, its parts and all that was named for them."""
-    from viewer.inputs import is_load, read_covariances, read_responses
+    from viewer.inputs import are_checkups, is_load, read_covariances, read_responses
     from viewer.view_options import Session
 
-    tables = [name for name in options["calibrations"] if not is_load(name)]
-
+    given = options["calibrations"]
+    histories = [name for name in given if are_checkups(name)]
+    if len(histories) > 1:
+        raise click.UsageError("--calibration takes one folder of check-ups")
+    loads = [name for name in given if is_load(name) and name not in histories]
+    tables = [name for name in given if name not in (*loads, *histories)]
     robot, parts = open_robot(options["robot"], options["parts"])
     session = Session(
         robot,
@@ -345,7 +349,8 @@ def _session(options: Mapping[str, Any]) -> Any:
         speed=options["speed"],
         responses=read_responses(options["responses"], robot, parts),
         covariances=read_covariances(tables, robot, parts),
-        loads=[name for name in options["calibrations"] if is_load(name)],
+        loads=loads,
+        checkups=Path(histories[0]) if histories else None,
         touched_in=options["touched_in"],
     )
     session.prepare()

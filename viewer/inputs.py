@@ -96,6 +96,11 @@ def is_load(name: str) -> bool:
     return path.is_dir() or path.suffix.lower() == ".npz"
 
 
+def are_checkups(name: str) -> bool:
+    """Whether a calibration is a folder that `skinmap checkup --history` keeps."""
+    return next(Path(name).glob("checkup_*.json"), None) is not None
+
+
 def read_covariances(
     names: Sequence[str], robot: Robot, parts: Sequence[str]
 ) -> dict[str, FloatArray]:

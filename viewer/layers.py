@@ -55,6 +55,7 @@ LAYERS: tuple[str, ...] = (
     "health",
     "patches",
     "touched",
+    "changed",
 )
 # What "touched" shows, as "touched:dwell"; how often by itself: title, unit.
 TOUCHED_KINDS = {
@@ -62,6 +63,14 @@ TOUCHED_KINDS = {
     "dwell": ("touched for", "s, all touches together"),
     "largest": ("largest pressure", "counts, while touched"),
     "last": ("touched last", "s, from the beginning of the recording"),
+}
+# Changes of a taxel between check-ups, each with its colour.
+CHANGES = {
+    "as before": UNTOUCHED,
+    "weaker": CATEGORIES[0],
+    "stronger": CATEGORIES[6],
+    "rest moved": CATEGORIES[1],
+    "noisier": CATEGORIES[2],
 }
 FULL_SCALE = 255.0  # counts
 KILOPASCALS = 100.0  # in a bar
@@ -176,6 +185,9 @@ class Layers:
         Of parts whose pressures are shown in kPa, from 0 to the end of the calibrated range.
     touched : callable
         Gives where recordings touched the skin, when the layer "touched" is asked for.
+    changed : mapping of str to (str, (n,) array-like of str), optional
+        For each part with check-ups, the day of the first one and the change of each taxel
+        since, one of `viewer.layers.CHANGES`.
 
     Examples
     --------
@@ -206,6 +218,7 @@ class Layers:
         ranges: Mapping[str, tuple[float, float]] | None = None,
         touched: Callable[[], Touched | None] = lambda: None,
         loads: Mapping[str, LoadCalibration] | None = None,
+        changed: Mapping[str, tuple[str, ArrayLike]] | None = None,
     ) -> None:
         for name in ranges or {}:
             check_layer(name)
@@ -217,6 +230,7 @@ class Layers:
         self.watch = HealthWatch({p: len(s) for p, s in self.skins.items()}, healths)
         self._made: dict[str, Layer] = {}
         self._touches, self._loads = touched, dict(loads or {})
+        self._changes = dict(changed or {})
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -376,6 +390,16 @@ class Layers:
             table[part] = np.where(skin.patches < 0, float(named), patch)
         colours = (*CATEGORIES[:named], NONE)
         return categories("patches", "patch", (*names, "none"), colours, self._found(table))
+
+    def _changed(self) -> Layer:
+        """How each taxel differs from what its first check-ups found."""
+        names = tuple(CHANGES)
+        table = {part: np.array([names.index(one) for one in np.asarray(kinds).tolist()], float)
+                 for part, (_, kinds) in self._changes.items()}  # fmt: skip
+        first = min((day for day, _ in self._changes.values()), default="")
+        layer = categories("changed", f"changes since {first}" if first else "changes", names,
+                           tuple(CHANGES.values()), self._found(table))  # fmt: skip
+        return replace(layer, missing="fewer than two check-ups: give their folder as calibration")
 
     def _touched(self, kind: str) -> Layer:
         """How often, how long, how hard or when last each taxel was touched."""

@@ -14,6 +14,7 @@ from typing import Any
 from skinmap.arrays import FloatArray
 from skinmap.errors import (
     InvalidArrayError,
+    SkinMismatchError,
     UnknownNameError,
     UnreachableError,
 )
@@ -66,6 +67,8 @@ class Session:
     covariances : mapping of str to (n, 3, 3) array
     loads : sequence of str
         Load calibrations, each "FOLDER" or "PART=FOLDER".
+    checkups : Path or None
+        The folder of a history of check-ups, for the layer "changed".
     origin : float
         Time of the source's beginning in its moments' clock [s], once some came.
     touched_in : Path or None
@@ -81,6 +84,7 @@ class Session:
     responses: Mapping[str, Any] = field(default_factory=dict)
     covariances: Mapping[str, FloatArray] = field(default_factory=dict)
     loads: Sequence[str] = ()
+    checkups: Path | None = None
     skins: dict[str, PreparedSkin] = field(default_factory=dict)
     origin: float = math.nan
     touched_in: Path | None = None
@@ -116,6 +120,28 @@ class Session:
         if isinstance(source, Playback):
             self._recording = source
         return source
+
+    def changed(self) -> dict[str, tuple[str, list[str]]]:
+        """By part, the day of its first check-up and the change of each taxel since."""
+        if self.checkups is None:
+            return {}
+        from calibration.wiring.history import changes_of, checkups_of, earlier_checkups
+
+        kept, found = earlier_checkups(self.checkups), {}
+        for part in self.parts:
+            channels = self.robot.skin(part).channels.tolist()
+            times, own = checkups_of(kept, self.robot.name, part, channels)
+            if len(times) > 1:
+                kinds = ["as before"] * len(channels)
+                for one in reversed(changes_of(part, times, own)[0]):  # a changed gain comes first
+                    kinds[one.row] = "rest moved" if one.kind == "moved" else one.kind
+                found[part] = times[0][:10], kinds
+        if not found:
+            raise SkinMismatchError(
+                f"{self.checkups}: fewer than two check-ups of {', '.join(self.parts)} "
+                f"of {self.robot.name!r}"
+            )
+        return found
 
     def touched(self) -> Touched | None:
         """Where the skins were touched in the recordings; None without any."""
@@ -350,6 +376,7 @@ def new_layers(session: Session, look: Look) -> Layers:
         ranges=look.ranges,
         touched=session.touched,
         loads=session.calibrations,
+        changed=session.changed(),
     )
 
 

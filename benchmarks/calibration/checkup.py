@@ -114,7 +114,7 @@ def gain_row(trials: Trials, runs: int) -> dict[str, Any]:
         several = [trials.run(one, 10 * seed + k, covers=True).cases[0]
                    for k, one in enumerate(([], weak, weak))]  # fmt: skip
         times = [f"2026-0{k + 1}-01T00:00:00+00:00" for k in range(3)]
-        changes = changes_of(trials.boards, times, [kept_part(one) for one in several])
+        changes = changes_of(trials.boards.part, times, [kept_part(one) for one in several])
         named = {one.row for one in changes[0]}
         found += len(named & set(rows.tolist()))
         planted += TAXELS

@@ -22,7 +22,6 @@ from skinmap.io.output import staged_file
 from skinmap.report.page import plain_figure, save_figure
 
 if TYPE_CHECKING:
-    from calibration.wiring.boards import Boards
     from calibration.wiring.examination import Case, Examination
     from calibration.wiring.findings import CheckupResult
 
@@ -130,14 +129,10 @@ def keep_checkup(
     changes: list[Change] = []
     courses = []
     for case in examined.cases:
-        several = [
-            one for one in (*before, now)
-            if one.robot == now.robot and case.part in one.parts
-            and one.parts[case.part].channels == case.boards.table.channels.tolist()
-        ]  # fmt: skip
-        if len(several) > 1 and case.doctor.status != "inconsistent":
-            own, times = [one.parts[case.part] for one in several], [one.time for one in several]
-            found, gain = changes_of(case.boards, times, own)
+        channels = case.boards.table.channels.tolist()
+        times, own = checkups_of((*before, now), now.robot, case.part, channels)
+        if len(times) > 1 and case.doctor.status != "inconsistent":
+            found, gain = changes_of(case.part, times, own)
             changes += found
             courses.append((case.part, times, own, gain))
     files = [str(stem.with_suffix(".json"))]
@@ -148,16 +143,26 @@ def keep_checkup(
     return changes, files
 
 
+def checkups_of(
+    kept: Sequence[KeptCheckup], robot: str, part: str, channels: Sequence[int]
+) -> tuple[list[str], list[KeptPart]]:
+    """The times of check-ups that have a part with these channels, and the part in each."""
+    found = [(one.time, one.parts[part]) for one in kept
+             if one.robot == robot and part in one.parts
+             and one.parts[part].channels == list(channels)]  # fmt: skip
+    return [time for time, _ in found], [own for _, own in found]
+
+
 def changes_of(
-    boards: Boards, times: Sequence[str], kept: Sequence[KeptPart]
+    part: str, times: Sequence[str], kept: Sequence[KeptPart]
 ) -> tuple[list[Change], FloatArray]:
-    """What changed over check-ups of a part, and the gains (e, n), logarithms."""
-    told = [_told(one.gains, len(boards.table)) for one in kept]
+    """The changes of a part's (n,) taxels over e check-ups, and their log gains (e, n)."""
+    told = [_told(one.gains, len(one.channels)) for one in kept]
     gain = np.array([np.where(precision.diagonal() > UNMET, _gains(precision, pull)[0], np.nan)
                      for precision, pull in told])  # fmt: skip
     return [
-        *_gain_changes(boards.part, times, told),
-        *_rest_changes(boards.part, times, kept),
+        *_gain_changes(part, times, told),
+        *_rest_changes(part, times, kept),
     ], gain
 
 

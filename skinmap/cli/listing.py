@@ -102,6 +102,7 @@ ABOUT = {
     "health": "stuck, noisy, dead or mute taxels",
     "patches": "connected pieces of skin",
     "touched": "how often each taxel was touched, in a recording",
+    "changed": "changes of each taxel between check-ups",
 }
 
 

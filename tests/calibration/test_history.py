@@ -20,7 +20,9 @@ from calibration.wiring.history import (
     keep_checkup,
     kept_part,
 )
-from skinmap.errors import DataFormatError, OutputError
+from skinmap.errors import DataFormatError, OutputError, SkinMismatchError
+from viewer.layers import CHANGES, Layers
+from viewer.view_options import Session
 
 PART = "left_forearm"
 TIMES = [f"2026-{month:02}-03T10:00:00+00:00" for month in (9, 10, 11)]
@@ -53,14 +55,14 @@ def test_a_taxel_that_loses_gain_is_named_after_two_checkups(icub):
     rng = np.random.default_rng(0)
     weak = (100, 150, 33)
     several = [kept(boards, rng), kept(boards, rng, weak), kept(boards, rng, weak, 20.0)]
-    found = {one.row: one for one in changes_of(boards, TIMES, several)[0]}
+    found = {one.row: one for one in changes_of(PART, TIMES, several)[0]}
     assert {*weak, 7} <= set(found)
     assert len(found) <= 4 + 0.01 * len(boards.table)  # false ones: 1 % at most is asked for
     assert found[100].kind == "weaker"
     assert found[100].words.endswith("since 3 October 2026")
     assert all(22 <= int(found[row].words[10:12]) <= 38 for row in weak)
     assert found[7].words == "its rest lies 20 counts higher since 3 November 2026"
-    assert changes_of(boards, TIMES[:2], several[:2])[0] == []  # one check-up may err
+    assert changes_of(PART, TIMES[:2], several[:2])[0] == []  # one check-up may err
 
 
 def test_checkups_of_a_person_find_what_became_weaker(icub):
@@ -72,7 +74,7 @@ def test_checkups_of_a_person_find_what_became_weaker(icub):
         skin = SimulatedSkin(icub, PART, plant, seed)
         case = examine_live(skin, icub, (PART,), Plan(markers=[skin], covers=True)).cases[0]
         several.append(kept_part(case))
-    found = [one.row for one in changes_of(boards, TIMES, several)[0] if one.kind == "weaker"]
+    found = [one.row for one in changes_of(PART, TIMES, several)[0] if one.kind == "weaker"]
     assert sorted(found) == rows
 
 
@@ -90,6 +92,14 @@ def test_each_checkup_is_kept_beside_those_before(icub, tmp_path):
     names = sorted(path.name for path in folder.iterdir())
     assert names == ["checkup_2026-11-03T10-00-00.json", "checkup_2026-11-04T10-00-00.json",
                      "checkup_2026-11-04T10-00-00.pdf"]  # fmt: skip
+    session = Session(icub, (PART,), checkups=folder)
+    session.prepare()
+    layer = Layers(session.skins, changed=session.changed()).get("changed")
+    assert layer.title == "changes since 2026-11-03"
+    marked = {icub.skin(PART).channels[row] for row in np.flatnonzero(layer.values(PART, None))}
+    assert marked == {icub.skin(PART).channels[one.row] for one in changes}
+    with pytest.raises(SkinMismatchError, match="fewer than two check-ups of torso"):
+        Session(icub, ("torso",), checkups=folder).changed()
     assert all(path.stat().st_size < 300_000 for path in folder.iterdir())
     with pytest.raises(OutputError, match="there already"):
         keep_checkup(folder, before, found, result, when)
@@ -98,3 +108,13 @@ def test_each_checkup_is_kept_beside_those_before(icub, tmp_path):
         first.write_text(damaged)
         with pytest.raises(DataFormatError, match="not a kept check-up"):
             earlier_checkups(folder)
+
+
+def test_the_layer_of_changes_names_each_kind(icub):
+    session = Session(icub, (PART,))
+    session.prepare()
+    kinds = ["as before"] * len(session.skins[PART])
+    kinds[:5] = CHANGES
+    layer = Layers(session.skins, changed={PART: ("2026-11-03", kinds)}).get("changed")
+    assert layer.values(PART, None)[:6].tolist() == [0, 1, 2, 3, 4, 0]
+    assert layer.categories == tuple(CHANGES)

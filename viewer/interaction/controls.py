@@ -65,7 +65,11 @@ KEYS = (
     Key(
         "1 to 9",
         ", ".join(LAYERS[:4]),
-        {f"{pad}{k}": ("choose_layer", n) for k, n in enumerate(LAYERS, 1) for pad in ("", "KP_")},
+        {
+            f"{pad}{k}": ("choose_layer", n)
+            for k, n in enumerate(LAYERS[:9], 1)
+            for pad in ("", "KP_")
+        },
     ),
     Key("", ", ".join(LAYERS[4:]), {}),
     Key("d", "discs or surface", {"d": ("toggle_style",)}),

@@ -51,7 +51,7 @@ def test_keys_lead_the_recording(window, hands):
 
 def test_keys_choose_layers_style_and_map(window, hands):
     scene = window.scene
-    for number, name in enumerate(LAYERS, start=1):
+    for number, name in enumerate(LAYERS[:9], start=1):
         hands.key(str(number))
         assert scene.layer.name == name
     hands.key("1")
