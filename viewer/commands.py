@@ -302,7 +302,12 @@ def _with_recording(options: Mapping[str, Any]) -> dict[str, Any]:
         if given["source"] != "sim":
             raise click.UsageError(f"two sources: {path} and --source {given['source']}")
         from skinmap.live.touched_taxels import recordings_of, robot_of
+        from viewer.inputs import are_checkups
 
+        if are_checkups(str(path)):
+            raise click.UsageError(
+                f"{path} is a folder of check-ups: write ROBOT --calibration {path} --layer changed"
+            )
         several = recordings_of(path)
         if folder and not _counts(given["layer"]):
             raise click.UsageError(
@@ -335,8 +340,8 @@ def _session(options: Mapping[str, Any]) -> Any:
 
     given = options["calibrations"]
     histories = [name for name in given if are_checkups(name)]
-    if len(histories) > 1:
-        raise click.UsageError("--calibration takes one folder of check-ups")
+    if len(histories) > 1 or not all(Path(one).is_dir() for one in histories):
+        raise click.UsageError("--calibration takes one folder of check-ups, without PART=")
     loads = [name for name in given if is_load(name) and name not in histories]
     tables = [name for name in given if name not in (*loads, *histories)]
     robot, parts = open_robot(options["robot"], options["parts"])

@@ -98,7 +98,8 @@ def is_load(name: str) -> bool:
 
 def are_checkups(name: str) -> bool:
     """Whether a calibration is a folder that `skinmap checkup --history` keeps."""
-    return next(Path(name).glob("checkup_*.json"), None) is not None
+    path = Path(name.partition("=")[2] or name)
+    return next(path.glob("checkup_*.json"), None) is not None
 
 
 def read_covariances(

@@ -185,9 +185,9 @@ class Layers:
         Of parts whose pressures are shown in kPa, from 0 to the end of the calibrated range.
     touched : callable
         Gives where recordings touched the skin, when the layer "touched" is asked for.
-    changed : mapping of str to (str, (n,) array-like of str), optional
-        For each part with check-ups, the day of the first one and the change of each taxel
-        since, one of `viewer.layers.CHANGES`.
+    changed : callable
+        Gives the day of the first check-up and, by part, the (n,) changes of its taxels since,
+        each one of `viewer.layers.CHANGES`, when the layer "changed" is asked for.
 
     Examples
     --------
@@ -218,7 +218,7 @@ class Layers:
         ranges: Mapping[str, tuple[float, float]] | None = None,
         touched: Callable[[], Touched | None] = lambda: None,
         loads: Mapping[str, LoadCalibration] | None = None,
-        changed: Mapping[str, tuple[str, ArrayLike]] | None = None,
+        changed: Callable[[], tuple[str, Mapping[str, Sequence[str]]]] = lambda: ("", {}),
     ) -> None:
         for name in ranges or {}:
             check_layer(name)
@@ -230,7 +230,7 @@ class Layers:
         self.watch = HealthWatch({p: len(s) for p, s in self.skins.items()}, healths)
         self._made: dict[str, Layer] = {}
         self._touches, self._loads = touched, dict(loads or {})
-        self._changes = dict(changed or {})
+        self._changes = changed
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -392,14 +392,15 @@ class Layers:
         return categories("patches", "patch", (*names, "none"), colours, self._found(table))
 
     def _changed(self) -> Layer:
-        """How each taxel differs from what its first check-ups found."""
+        """The change of each taxel since the first check-up."""
+        first, found = self._changes()
         names = tuple(CHANGES)
-        table = {part: np.array([names.index(one) for one in np.asarray(kinds).tolist()], float)
-                 for part, (_, kinds) in self._changes.items()}  # fmt: skip
-        first = min((day for day, _ in self._changes.values()), default="")
+        table = {part: np.array([names.index(kind) for kind in kinds], np.float64)
+                 for part, kinds in found.items()}  # fmt: skip
         layer = categories("changed", f"changes since {first}" if first else "changes", names,
                            tuple(CHANGES.values()), self._found(table))  # fmt: skip
-        return replace(layer, missing="fewer than two check-ups: give their folder as calibration")
+        missing = "no changes known: give a folder with two check-ups or more with --calibration"
+        return replace(layer, missing=missing)
 
     def _touched(self, kind: str) -> Layer:
         """How often, how long, how hard or when last each taxel was touched."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -89,16 +90,35 @@ class Session:
     origin: float = math.nan
     touched_in: Path | None = None
     _touched: Touched | None = None
+    _history: dict[str, tuple[list[str], list[Any]]] = field(default_factory=dict)
     _recording: Playback | None = None
     calibrations: dict[str, LoadCalibration] = field(default_factory=dict)
 
     def prepare(self) -> None:
-        """Prepare the skins that are shown, and read their load calibrations."""
+        """Prepare the skins that are shown, and read their load calibrations and check-ups."""
         self.skins = {part: PreparedSkin(self.robot.skin(part)) for part in self.parts}
         if self.loads:
             from skinmap.live.response.loads import load_calibrations
 
             self.calibrations = load_calibrations(self.loads, self.skins)
+        if self.checkups is not None:
+            self._history = self._read_history(self.checkups)
+
+    def _read_history(self, folder: Path) -> dict[str, tuple[list[str], list[Any]]]:
+        """The times and check-ups of each part that has two or more."""
+        from calibration.wiring.history import checkups_of, earlier_checkups
+
+        kept, name = earlier_checkups(folder), self.robot.name
+        found = {part: checkups_of(kept, name, part, self.robot.skin(part).channels.tolist())
+                 for part in self.parts}  # fmt: skip
+        several = {part: own for part, own in found.items() if len(own[0]) > 1}
+        if not several:
+            here = Counter(f"{one.robot} {part}" for one in kept for part in one.parts)
+            raise SkinMismatchError(
+                f"{folder}: fewer than two check-ups of each part of {name!r} that is shown; "
+                f"here are {', '.join(f'{count} of {own}' for own, count in here.items())}"
+            )
+        return several
 
     @property
     def healths(self) -> dict[str, Any]:
@@ -121,27 +141,17 @@ class Session:
             self._recording = source
         return source
 
-    def changed(self) -> dict[str, tuple[str, list[str]]]:
-        """By part, the day of its first check-up and the change of each taxel since."""
-        if self.checkups is None:
-            return {}
-        from calibration.wiring.history import changes_of, checkups_of, earlier_checkups
+    def changed(self) -> tuple[str, dict[str, list[str]]]:
+        """The day of the first check-up, and the change of each taxel since, by part."""
+        from calibration.wiring.history import changes_of
 
-        kept, found = earlier_checkups(self.checkups), {}
-        for part in self.parts:
-            channels = self.robot.skin(part).channels.tolist()
-            times, own = checkups_of(kept, self.robot.name, part, channels)
-            if len(times) > 1:
-                kinds = ["as before"] * len(channels)
-                for one in reversed(changes_of(part, times, own)[0]):  # a changed gain comes first
-                    kinds[one.row] = "rest moved" if one.kind == "moved" else one.kind
-                found[part] = times[0][:10], kinds
-        if not found:
-            raise SkinMismatchError(
-                f"{self.checkups}: fewer than two check-ups of {', '.join(self.parts)} "
-                f"of {self.robot.name!r}"
-            )
-        return found
+        found = {}
+        for part, (times, kept) in self._history.items():
+            kinds = ["as before"] * len(kept[0].channels)
+            for one in reversed(changes_of(part, times, kept)[0]):  # a changed gain comes first
+                kinds[one.row] = "rest moved" if one.kind == "moved" else one.kind
+            found[part] = kinds
+        return min((times[0][:10] for times, _ in self._history.values()), default=""), found
 
     def touched(self) -> Touched | None:
         """Where the skins were touched in the recordings; None without any."""
@@ -376,7 +386,7 @@ def new_layers(session: Session, look: Look) -> Layers:
         ranges=look.ranges,
         touched=session.touched,
         loads=session.calibrations,
-        changed=session.changed(),
+        changed=session.changed,
     )
 
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from datetime import UTC, datetime
 
+import msgspec
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 from benchmarks.calibration.person import SimulatedSkin
 from calibration.wiring import Doctor, boards_of, make_touch
@@ -13,6 +15,8 @@ from calibration.wiring.examination import Plan, examine_live
 from calibration.wiring.findings import findings, with_changes
 from calibration.wiring.gains import gains_told
 from calibration.wiring.history import (
+    FORMAT,
+    KeptCheckup,
     KeptPart,
     KeptTouch,
     changes_of,
@@ -20,8 +24,9 @@ from calibration.wiring.history import (
     keep_checkup,
     kept_part,
 )
+from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, OutputError, SkinMismatchError
-from viewer.layers import CHANGES, Layers
+from viewer.layers import Layers
 from viewer.view_options import Session
 
 PART = "left_forearm"
@@ -92,14 +97,6 @@ def test_each_checkup_is_kept_beside_those_before(icub, tmp_path):
     names = sorted(path.name for path in folder.iterdir())
     assert names == ["checkup_2026-11-03T10-00-00.json", "checkup_2026-11-04T10-00-00.json",
                      "checkup_2026-11-04T10-00-00.pdf"]  # fmt: skip
-    session = Session(icub, (PART,), checkups=folder)
-    session.prepare()
-    layer = Layers(session.skins, changed=session.changed()).get("changed")
-    assert layer.title == "changes since 2026-11-03"
-    marked = {icub.skin(PART).channels[row] for row in np.flatnonzero(layer.values(PART, None))}
-    assert marked == {icub.skin(PART).channels[one.row] for one in changes}
-    with pytest.raises(SkinMismatchError, match="fewer than two check-ups of torso"):
-        Session(icub, ("torso",), checkups=folder).changed()
     assert all(path.stat().st_size < 300_000 for path in folder.iterdir())
     with pytest.raises(OutputError, match="there already"):
         keep_checkup(folder, before, found, result, when)
@@ -110,11 +107,40 @@ def test_each_checkup_is_kept_beside_those_before(icub, tmp_path):
             earlier_checkups(folder)
 
 
-def test_the_layer_of_changes_names_each_kind(icub):
-    session = Session(icub, (PART,))
+def test_the_layer_of_changes_has_what_became_weaker_or_moved(icub, tmp_path):
+    boards, rng, weak = boards_of(icub, PART), np.random.default_rng(0), (100, 150, 33)
+    several = kept(boards, rng), kept(boards, rng, weak), kept(boards, rng, weak, 20.0)
+    for number, (time, one) in enumerate(zip(TIMES, several, strict=True)):
+        own = KeptCheckup(FORMAT, time, icub.name, "healthy", [], {PART: one})
+        (tmp_path / f"checkup_{number}.json").write_bytes(msgspec.json.encode(own))
+    session = Session(icub, (PART, "torso"), checkups=tmp_path)
     session.prepare()
-    kinds = ["as before"] * len(session.skins[PART])
-    kinds[:5] = CHANGES
-    layer = Layers(session.skins, changed={PART: ("2026-11-03", kinds)}).get("changed")
-    assert layer.values(PART, None)[:6].tolist() == [0, 1, 2, 3, 4, 0]
-    assert layer.categories == tuple(CHANGES)
+    layer = Layers(session.skins, changed=session.changed).get("changed")
+    assert layer.title == "changes since 2026-09-03"
+    values = layer.values(PART, None)
+    names = [layer.categories[int(value)] for value in values]
+    assert [names[row] for row in (*weak, 7)] == ["weaker"] * 3 + ["rest moved"]
+    assert names.count("as before") >= len(names) - 4 - 0.01 * len(names)
+    assert np.isnan(layer.values("torso", None)).all()
+    with pytest.raises(SkinMismatchError, match="here are 3 of iCub left_forearm"):
+        Session(icub, ("torso",), checkups=tmp_path).prepare()
+
+
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        (["{}"], "write ROBOT --calibration {} --layer changed"),
+        (["icub", "--calibration", PART + "={}"], "without PART="),
+        (["icub", *["--calibration", "{}"] * 2], "takes one folder of check-ups"),
+        (["icub", "--calibration", "{}"], "not a kept check-up"),
+    ],
+)
+def test_a_wrong_history_gets_one_line(words, answer, tmp_path):
+    (tmp_path / "checkup_1.json").write_text("[]")
+    picture = tmp_path / "changed.png"
+    given = [word.format(tmp_path) for word in words]
+    done = CliRunner().invoke(cli, ["view", *given, "--screenshot", str(picture)])
+    text = done.output + str(done.exception)
+    assert done.exit_code != 0
+    assert answer.format(tmp_path) in text
+    assert not picture.exists()
