@@ -60,7 +60,8 @@ def row(time: float, touch: NamedTouch, robot: Robot) -> list[Cell]:
     """The cells of one touch; None for a number that is not known."""
     load = touch.load
     if load is None or load.refused:
-        numbers: list[Cell] = [MM2 * touch.area, *[None] * 11]
+        least, most = MM2 * touch.area_least, MM2 * touch.area
+        numbers: list[Cell] = [None, least, most, *[None] * 9]
     else:
         ends = ((load.area, MM2), (load.force, 1.0), (load.mean, KILO), (load.peak, KILO))
         numbers = [factor * end for interval, factor in ends for end in interval]

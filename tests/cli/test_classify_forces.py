@@ -144,7 +144,8 @@ def test_contacts_of_a_recording_become_a_table(folder: Path, tmp_path: Path) ->
     with plain.open() as one, loaded.open() as other:
         rows, forces = list(csv.DictReader(one)), list(csv.DictReader(other))
     assert len(rows) == len(forces) > 100
-    assert all(row["force_n"] == "" and row["area_low_mm2"] == "" for row in rows)
+    assert all(row["force_n"] == "" and row["area_mm2"] == "" for row in rows)
+    assert all(0 < float(row["area_low_mm2"]) < float(row["area_high_mm2"]) for row in rows)
     told = [row for row in forces if row["force_n"]]
     assert len(told) > len(forces) / 2
     for row in told:

@@ -12,6 +12,8 @@ from scipy import ndimage
 
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
+from skinmap.recognition.protocols.prints import find_spots, match_prints
+from skinmap.touch.contacts.skin_geometry import least_areas
 
 DATA = Path(__file__).resolve().parents[3] / "shared" / "data" / "capcontact" / "prints.npz"
 ROWS, COLUMNS, FINE, PITCH = 20, 32, 8, 345.0 / 72.0
@@ -96,6 +98,44 @@ def test_prints_planted_contacts_are_measured(files: tuple[Path, Path], tmp_path
     left = prints[0][:, : COLUMNS * FINE // 2]  # one contact in each half of a picture
     place = (np.argwhere(left).mean(axis=0) + 0.5) * PITCH / FINE
     assert np.linalg.norm(centre[image == 0] - place, axis=1).min() < 1.0
+
+
+def least_and_most(path: Path) -> np.ndarray:
+    """(k, 3) true areas of contacts, and the least and most that readings alone allow for."""
+    with np.load(path) as held:
+        readings, packed = held["readings"].astype(float), held["prints"]
+    _, rows, columns = readings.shape
+    spots = find_spots(readings, pitch_mm=PITCH)
+    truth = match_prints(spots, (np.unpackbits(one, axis=1) for one in packed), pitch_mm=PITCH)
+    number = np.pad(np.arange(rows * columns).reshape(rows, columns), 1, constant_values=-1)
+    beside = np.stack([number[2:, 1:-1], number[:-2, 1:-1], number[1:-1, 2:], number[1:-1, :-2]])
+    beside = beside.reshape(4, -1).T % (rows * columns + 1)  # beyond the grid: the last
+    found, areas = [], np.full(rows * columns, PITCH**2)
+    for label, reading in zip(spots.labels, readings.reshape(len(readings), -1), strict=True):
+        for spot in np.unique(label[label > 0]):
+            index = np.flatnonzero(label == spot)
+            own = reading[index]
+            least = least_areas(index, own, own.max(), beside, areas)
+            found.append([truth.area_mm2[spot - 1], least.sum(), areas[index].sum()])
+    table = np.array(found)
+    return table[table[:, 0] > 0].T
+
+
+def test_a_planted_contact_covers_between_at_least_and_at_most(files: tuple[Path, Path]) -> None:
+    true, least, most = least_and_most(files[1])
+    assert (least <= true).mean() >= 0.95
+    assert (true <= most).mean() >= 0.95
+    assert np.median(least / true) > 0.3  # it is worth something
+    assert np.median(most / true) > 1.3  # the control: skin that feels it is not covered by it
+
+
+@pytest.mark.skipif(not DATA.is_file(), reason="the prints are not beside this checkout")
+def test_real_fingers_cover_between_at_least_and_at_most() -> None:
+    true, least, most = least_and_most(DATA)
+    assert len(true) > 1900
+    assert (least <= true).mean() >= 0.95
+    assert (true <= most).all()
+    assert np.median(least / true) > 0.5
 
 
 def test_prints_of_the_test_do_not_reach_the_answers(

@@ -125,6 +125,8 @@ def test_measures_of_a_flat_press_have_closed_forms(hexagons):
     np.testing.assert_allclose(found.normal[0], [0.0, 0.0, 1.0], atol=1e-12)
     # A taxel of a hexagonal lattice stands for sqrt(3) / 2 pitch^2.
     np.testing.assert_allclose(found.area[0], 7 * np.sqrt(0.75) * 6.5e-3**2, rtol=1e-9)
+    # The middle one's neighbours read half as much: it is covered whole, each of them by a fifth.
+    np.testing.assert_allclose(found.area_least[0], found.area[0] * (1 + 6 / 5) / 7, rtol=1e-9)
     assert found.peak[0] == 100.0
     assert found.load[0] == 400.0
     assert found.mean[0] == pytest.approx(400.0 / 7)

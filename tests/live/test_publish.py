@@ -79,6 +79,7 @@ def test_publisher_sends_contacts_until_they_are_over():
                 "centre_m": [0.1, 0.2, 0.3],
                 "normal": [0.0, 0.0, 1.0],
                 "area_m2": 1e-4,
+                "area_least_m2": None,
                 "peak": 200.0,
                 "mean": 90.5,
                 "force_n": None,

@@ -215,8 +215,8 @@ class LiveTouch:
         With `--coverage`, the names that hold the truth as often. Else null.
     start_s, duration_s
         In the source's clock.
-    area_mm2
-        Largest area of touched skin.
+    area_mm2, area_least_mm2
+        Largest area of skin that felt the touch, and the area that it covered at least.
     path_mm
         Length of the course of the centre along the skin.
     peak
@@ -258,6 +258,7 @@ class LiveTouch:
     start_s: float
     duration_s: float
     area_mm2: float
+    area_least_mm2: float
     path_mm: float
     peak: float
     centre_mm: list[float]
@@ -288,6 +289,7 @@ class LiveTouch:
             start_s=touch.began,
             duration_s=touch.duration,
             area_mm2=touch.area * MM**2,
+            area_least_mm2=touch.area_least * MM**2,
             path_mm=touch.path_length * MM,
             peak=touch.peak,
             centre_mm=(touch.centre * MM).tolist(),

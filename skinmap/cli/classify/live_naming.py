@@ -50,7 +50,7 @@ if TYPE_CHECKING:
 
 WAIT = 0.2  # so often a silent source lets an interruption through [s]
 HEAD = (
-    f"{'began':>11}  {'part':18} {'touch':14} {'sure':>5}  {'lasted':>8}  {'area':>11}  {'path':>9}"
+    f"{'began':>11}  {'part':18} {'touch':14} {'sure':>5}  {'lasted':>8}  {'area':>16}  {'path':>9}"
 )
 LATENCIES = 100_000  # the last ones, that the summary speaks of
 
@@ -186,6 +186,7 @@ class _Run:
             self.touches += 1
             load = self.loads.pop(touch.identity, None)
             said = Prediction(touch.label, touch.confidence, touch.names)
+            area = f"{touch.area_least * MM**2:4.0f} to {touch.area * MM**2:4.0f} mm2"
             if self.as_json:
                 emit_line(LiveTouch.of(touch, load))
             else:
@@ -194,7 +195,7 @@ class _Run:
                 click.echo(
                     f"{touch.began:9.2f} s  {touch.part:18} {in_words(said):14} "
                     f"{touch.confidence:5.2f}  {touch.duration:6.2f} s  "
-                    f"{touch.area * MM**2:7.0f} mm2  {touch.path_length * MM:6.1f} mm"
+                    f"{area}  {touch.path_length * MM:6.1f} mm"
                     f"{motion_words(touch)}{'' if load is None else '  ' + load.in_words()}"
                 )
 

@@ -41,6 +41,8 @@ class Judged(NamedTuple):
     high: float
     plain: float  # by the areas of the taxels alone: the control
     away_deg: float
+    area_error: float
+    area_holds: float
     whole: bool  # whether its heaviest moment lies within the calibrated range
 
 
@@ -119,7 +121,8 @@ def press_part(prepared: PreparedSkin, seed: tuple[int, ...], *, count: int) -> 
             pressed = press_place(ground, place, person, rate=sensors.sensing.rate, rng=rng)
             zero = sensors.read(rest, rng=rng).mean(axis=0)
             counts = sensors.read(taxel_loads(ground, pressed), rng=rng).astype(np.float64)
-            found.append(_judge(skin.part, body, pressed, counts, zero, slope, spread, forces))
+            one = partial(_judge, skin.part, body, pressed, ground.bed.area)
+            found.append(one(counts, zero, slope, spread, forces))
     return found
 
 
@@ -145,6 +148,7 @@ def _judge(
     part: str,
     body: str,
     pressed: Pressed,
+    cell: float,
     counts: FloatArray,
     zero: FloatArray,
     slope: FloatArray,
@@ -166,19 +170,22 @@ def _judge(
     truth, push = float(pressed.forces[moment]), pressed.vectors[moment]
     if answer.refused or truth <= 0.0:
         nan = float("nan")
-        return Judged(part, body, truth, nan, nan, nan, nan, nan, whole)
+        return Judged(part, body, truth, nan, nan, nan, nan, nan, nan, nan, whole)
     cosine = -answer.normal @ push / max(float(np.linalg.norm(push)), 1e-12)
     away = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
     force, low, high = answer.force
     plain = float(np.where(above > ACTIVE, pressure, 0.0) @ forces.areas)
-    return Judged(part, body, truth, force, low, high, plain, away, whole)
+    covered = cell * np.count_nonzero(pressed.loads[moment])
+    area, least, most = answer.area
+    judged = abs(area / covered - 1.0), float(least <= covered <= most)
+    return Judged(part, body, truth, force, low, high, plain, away, *judged, whole)
 
 
 def row(name: str, judged: Sequence[Judged]) -> ForceRow:
     """Errors of some touches; null where all were refused."""
-    values = np.array([one[2:8] for one in judged])
+    values = np.array([one[2:10] for one in judged])
     values = values[np.isfinite(values[:, 1])]
-    truth, force, low, high, plain, away = values.T
+    truth, force, low, high, plain, away, area, area_holds = values.T
     error = np.abs(force / truth - 1.0)
 
     def share(own: FloatArray | BoolArray, middle: Callable[..., Any] = np.median) -> float | None:
@@ -196,6 +203,8 @@ def row(name: str, judged: Sequence[Judged]) -> ForceRow:
         plain_error_median=share(np.abs(plain / truth - 1.0)),
         direction_deg_median=share(away),
         holds=share((low <= truth) & (truth <= high), np.mean),
+        area_error_median=share(area),
+        area_holds=share(area_holds, np.mean),
     )
 
 
@@ -210,7 +219,8 @@ def lines(result: ForceResult) -> Iterator[str | Table]:
         [*result.by_body, *result.by_part, result.all],
         "name= touches judged beyond:%=beyond_range force_n_median:.1f=median_[N] bias:% "
         "error_median:%=error,_median error_p95:%=95_% plain_error_median:%=plain_areas "
-        "direction_deg_median:.1f=direction_[deg] holds:%=inside_the_interval",
+        "direction_deg_median:.1f=direction_[deg] holds:%=inside_the_interval "
+        "area_error_median:%=error_of_area area_holds:%=area_inside",
     )
     yield "each touch is judged at its heaviest moment within the calibrated range"
     yield "plain areas: the control, median error of pressures times the areas of active taxels"

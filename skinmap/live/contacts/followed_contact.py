@@ -47,7 +47,7 @@ class Track:
     taxels : (k,) int
         In the numbering of `JoinedSkin`.
     centre, normal : (3,) float
-    area, load, peak, mean, force : float
+    area, area_least, load, peak, mean, force : float
         As measured last; force is NaN where nobody knows.
     stroke : Stroke
     heaviest : float
@@ -74,6 +74,7 @@ class Track:
     centre: FloatArray
     normal: FloatArray
     area: float = 0.0
+    area_least: float = 0.0
     load: float = 0.0
     peak: float = 0.0
     mean: float = 0.0
@@ -91,7 +92,8 @@ class Track:
         """Keep what was measured of it at `place`; whether its stroke has grown."""
         self.seen, self.into = time, -1
         self.centre, self.normal = found.centre[place], found.normal[place]
-        self.area, self.load = float(found.area[place]), float(found.load[place])
+        self.area, self.area_least = float(found.area[place]), float(found.area_least[place])
+        self.load = float(found.load[place])
         self.peak, self.mean = float(found.peak[place]), float(found.mean[place])
         if found.force is not None:
             self.force = float(found.force[place])

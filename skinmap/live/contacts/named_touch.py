@@ -57,8 +57,8 @@ class NamedTouch(_Answered):
         Time of its first sample, in the source's clock [s].
     normal : (3,) float or None
         Mean outward direction of the touched skin, unit length, in the link's frame.
-    area : float
-        Touched skin [m2].
+    area, area_least : float
+        Skin that feels the touch, and what it covers of this at least [m2].
     peak, mean : float
         Largest and mean pressure of its taxels [counts].
     force : float or None
@@ -96,6 +96,7 @@ class NamedTouch(_Answered):
     motion: Motion | None = None
     answers: Answers | None = None
     load: ContactForce | None = None
+    area_least: float = float("nan")
 
     def __post_init__(self) -> None:
         freeze(self, taxels=self.taxels, centre=self.centre)
@@ -156,8 +157,8 @@ class TouchEvent(_Answered):
         0 to 1; NaN where no classifier named it.
     began, ended : float
         Its first and last sample, in the source's clock [s].
-    area : float
-        Largest touched skin [m2].
+    area, area_least : float
+        Skin that felt the touch at most, and what it covered at least, both at their largest [m2].
     peak : float
         Largest pressure of a taxel [counts].
     path_length : float
@@ -212,6 +213,7 @@ class TouchEvent(_Answered):
     early_after: float = float("nan")
     channels: tuple[int, ...] = ()
     answers: Answers | None = None
+    area_least: float = float("nan")
 
     def __post_init__(self) -> None:
         freeze(self, centre=np.asarray(self.centre, np.float64))

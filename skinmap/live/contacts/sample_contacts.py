@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts.rest import LOW
-from skinmap.touch.contacts.skin_geometry import ACTIVE
+from skinmap.touch.contacts.skin_geometry import ACTIVE, least_areas
 from skinmap.touch.prepared_skin import PreparedSkin
 
 SPIKE = 0.5  # of its pressure: a single active taxel is a spike unless some beside it read as much
@@ -31,8 +31,8 @@ class Measured:
         Triangle that it lies in (`JoinedSkin.faces`).
     normal : (c, 3) float
         Mean outward direction, weighted by pressure, unit length.
-    area : (c,) float
-        Sum of the taxels' areas [m2].
+    area, area_least : (c,) float
+        Sum of the taxels' areas, and what is covered of it at least [m2].
     load, peak, mean : (c,) float
         Sum, largest and mean of the pressures [counts].
     force : (c,) float or None
@@ -43,6 +43,7 @@ class Measured:
     face: IntArray
     normal: FloatArray
     area: FloatArray
+    area_least: FloatArray
     load: FloatArray
     peak: FloatArray
     mean: FloatArray
@@ -170,11 +171,13 @@ def measure(
     face, centre = closest_on_faces(
         mean_point, skin.positions, skin.faces, skin.around[index[near]]
     )
+    least = least_areas(index, pressures, peak[label], skin.neighbours, skin.areas)
     return Measured(
         centre,
         face,
         normal,
         _sums(label, skin.areas[index], count),
+        _sums(label, least, count),
         load,
         peak,
         load / np.bincount(label, minlength=count),

@@ -41,6 +41,7 @@ class Entry:
     centre: FloatArray
     felt: BoolArray
     area: float = 0.0
+    area_least: float = 0.0
     peak: float = 0.0
     length: float = 0.0
     heaviest: float = 0.0
@@ -119,15 +120,17 @@ class TouchBook:
         for one, other in (swallowed or {}).items():
             if other in belongs:
                 belongs[one] = belongs[other]
-        sums: dict[int, tuple[float, float]] = {}
+        sums: dict[int, tuple[float, float, float]] = {}
         for track in tracks:
             if len(track.taxels):
                 self._add(track)
-                area, load = sums.get(track.touch, (0.0, 0.0))
-                sums[track.touch] = area + track.area, load + track.load
-        for number, (area, load) in sums.items():
+                area, least, load = sums.get(track.touch, (0.0, 0.0, 0.0))
+                more = least + track.area_least, load + track.load
+                sums[track.touch] = area + track.area, *more
+        for number, (area, least, load) in sums.items():
             entry = self.entries[number]
             entry.area, entry.heaviest = max(entry.area, area), max(entry.heaviest, load)
+            entry.area_least = max(entry.area_least, least)
             entry.pressed = load >= POOL_SHARE * entry.heaviest
         for number, entry in list(self.entries.items()):
             if number in alive:
@@ -298,6 +301,7 @@ class TouchBook:
             None if lead.stroke is None else lead.stroke.points,
             _answered(motion, name),
             name.answers,
+            area_least=sum(one.area_least for one in members),
         )
 
     def _add(self, track: Track) -> None:
@@ -326,6 +330,7 @@ class TouchBook:
             into.presses, into.pressed_at = entry.presses, entry.pressed_at
         into.began = min(into.began, entry.began)
         into.area, into.peak = max(into.area, entry.area), max(into.peak, entry.peak)
+        into.area_least = max(into.area_least, entry.area_least)
         into.length = max(into.length, entry.length)
         into.heaviest = max(into.heaviest, entry.heaviest)
         into.contacts |= entry.contacts
@@ -355,6 +360,7 @@ class TouchBook:
             *entry.early,
             tuple(self.skin.skins[self.skin.parts[entry.part]].skin.channels[entry.felt].tolist()),
             entry.name.answers,
+            area_least=entry.area_least,
         )
 
 

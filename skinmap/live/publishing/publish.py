@@ -243,6 +243,7 @@ def contacts_json(moment: Moment) -> str:
             "centre_m": _numbers(one.centre),
             "normal": None if one.normal is None else _numbers(one.normal),
             "area_m2": _number(one.area),
+            "area_least_m2": _number(one.area_least),
             "peak": _number(one.peak),
             "mean": _number(one.mean),
             "force_n": None if one.force is None else _number(one.force),

@@ -214,7 +214,7 @@ def fit_areas(spots: Spots, prints: Prints, person: IntArray) -> AreaModel:
     middle = error[order][np.searchsorted(weight, weight[-1] / 2)]
     ends = _ends(error) * _widening(error, person[good])
     area = _areas().fit(features, truth + middle)
-    offset = _offsets().fit(spots.places[good], prints.centre_mm[good] - spots.centre_mm[good])
+    offset = _squares().fit(spots.places[good], prints.centre_mm[good] - spots.centre_mm[good])
     below, above = (ends - middle).tolist()
     return AreaModel(area, offset, below, above)
 
@@ -267,6 +267,3 @@ def _squares() -> RegressorMixin:
 
     steps = (StandardScaler(), PolynomialFeatures(2), StandardScaler())
     return make_pipeline(*steps, RidgeCV(np.logspace(-1, 4, 11)))
-
-
-_offsets = _squares

@@ -795,6 +795,11 @@ class ForceRow:
         Angle between our force and the true one [deg]; null without judged touches.
     holds
         Share of the true forces inside their interval of 90 %; null without judged touches.
+    area_error_median
+        Error of the area as a share of the area of the pressed springs; null without judged
+        touches.
+    area_holds
+        Share of these areas inside their interval; null without judged touches.
     """
 
     name: str
@@ -808,6 +813,8 @@ class ForceRow:
     plain_error_median: float | None
     direction_deg_median: float | None
     holds: float | None
+    area_error_median: float | None
+    area_holds: float | None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -134,7 +134,7 @@ def details(touch: NamedTouch, time: float) -> list[str]:
     forces = [] if touch.load is None else loaded(touch.load)  # early: a panel has room for few
     words = [touch.part.replace("_", " "), *forces, *answered(touch)]
     if known(touch.area):
-        words.append(f"{1e6 * touch.area:,.0f} mm\N{SUPERSCRIPT TWO}")
+        words.append(covered(touch))
     if touch.load is None and known(touch.peak):
         words.append(f"peak {touch.peak:.0f}")
     if touch.load is None and known(touch.force):
@@ -155,6 +155,15 @@ def loaded(load: ContactForce) -> list[str]:
         return [f"no force: {load.refused}"]
     force, low, high = load.force
     return [f"{force:.1f} N ({low:.1f} to {high:.1f})", f"peak {1e-3 * load.peak.value:.0f} kPa"]
+
+
+def covered(touch: NamedTouch) -> str:
+    """Skin that a touch covers, at least and at most."""
+    least, most = touch.area_least, touch.area
+    if touch.load is not None and not touch.load.refused:
+        _, least, most = touch.load.area
+    ends = [f"{1e6 * end:,.0f}" for end in (least, most) if known(end)]
+    return " to ".join(ends) + " mm\N{SUPERSCRIPT TWO}"
 
 
 def answered(touch: NamedTouch) -> list[str]:
