@@ -22,8 +22,8 @@ from skinmap.physics.spring_bed import spring_bed
 from skinmap.touch.load_calibration import NORMAL_90
 from skinmap.touch.prepared_skin import PreparedSkin
 
-SPREAD = 2e-3  # of a pressure through foam, standard deviation [m]
-HELD = 0.1  # how strongly weights are held to plain areas
+SPREAD = 2.25e-3  # of a pressure through foam, standard deviation [m]
+HELD = 0.3  # how strongly weights are held to plain areas
 # What lies between taxels: 90 % of the forces lie within this share of theirs, with the pressures
 # exact. Of touches by the tuned variants of MuJoCo; `evaluate --protocol force` judges by another.
 BETWEEN = 0.22
