@@ -28,6 +28,8 @@ WINDOWS, REACH = 40, 150  # of the local lags, and how far they look [rows]
 BREAK = 15  # rows lost at once that make a line of their own
 GAIN = 0.8  # of the misfit that a further line must leave at most
 CHUNK = 10_000  # rows at once
+UNCLEAR = 0.05  # of the reference's variance: above it all channels are tried together
+STILL = 4.0  # times the median distance from rest: noise
 UNEXPLAINED = 0.2  # of the reference's variance: above it the clocks do not align
 WRONG = 10.0  # times the usual misfit of a stretch, of which a lag mends less than half
 FALSE = 5.0  # times the misfit must fall by leaving wrong stretches out
@@ -122,6 +124,19 @@ def _signal(samples: FloatArray) -> FloatArray:
     return (found - few[0]) / max(few[-1] - few[0], 1e-12)
 
 
+def _total(samples: FloatArray) -> FloatArray:
+    """How far all channels together are from their rest, a number a row, 0 to 1."""
+    few = samples[:: max(1, len(samples) // 5000)].astype(np.float64)
+    rest = np.median(few, axis=0)
+    noise = STILL * np.median(np.abs(few - rest), axis=0)
+    parts = [
+        np.maximum(np.abs(samples[start : start + CHUNK] - rest) - noise, 0.0).sum(axis=1)
+        for start in range(0, len(samples), CHUNK)
+    ]
+    found = np.concatenate(parts)
+    return found / max(float(np.quantile(found, 0.995)), 1e-12)
+
+
 def align(samples: ArrayLike, reference: ArrayLike, *, rate: float = 50.0) -> tuple[ClockLine, ...]:
     """Lay the rows of a reference on those of the samples.
 
@@ -163,7 +178,12 @@ def align(samples: ArrayLike, reference: ArrayLike, *, rate: float = 50.0) -> tu
         raise InvalidArrayError("the reference holds NaN or infinity")
     if np.ptp(wanted) < 1e-9 * max(1.0, np.abs(wanted).max()):
         raise InvalidArrayError("the reference never moves: there is nothing to align")
-    return _Alignment(_signal(given), wanted, rate).lines()
+    found = _Alignment(_signal(given), wanted, rate).lines()
+    if found[0].unexplained > UNCLEAR:
+        # Touches here and there: no channels go together, and the load is that of all.
+        of_all = _Alignment(_total(given), wanted, rate).lines()
+        found = min(found, of_all, key=lambda lines: lines[0].unexplained)
+    return found
 
 
 class _Alignment:

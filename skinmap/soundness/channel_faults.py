@@ -21,6 +21,7 @@ COARSE = 2.9  # times the step of the others
 FULL_SCALES = {2**bits - 1 for bits in (8, 10, 12, 14, 16)}
 FULL, SEVERAL = 0.25, 0.05  # shares of touches, and of channels, at full scale: fewer are usual
 OUTLIER = 4.0  # deviations of noise that a step at rest counts for at most
+STANDS = {3.0: 5.0, 100.0: 2.5}  # rows on end that noise of more than so many steps leaves alike
 COPY = 0.97  # correlation of noise
 MOST_PAIRS = 4_000  # channels whose pairs are compared by correlation
 PAIR_ROWS = 4e9  # rows times channels squared
@@ -351,6 +352,7 @@ def _coarse(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     if coarse:
         step = float(np.median(steps[coarse]))
         text = subject(coarse, "takes", "take") + f" steps of {step:g}, others of {usual:.3g}."
+        bad[coarse] = True  # their noise and their highest value are those of the steps
         found.append(finding("quantised", text, channels=coarse, confidence=0.95))
     lively = ~survey.constant
     if (
@@ -396,7 +398,10 @@ def _clipped(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
             piled &= (top < full) | (much & (much.sum() > SEVERAL * busy.sum()))
         highest = top[busy].max() if busy.any() else 0.0
         shared = piled & (top == highest)
-        own = piled & (often >= 3) & (cells >= 6)
+        # Where noise moves every reading, two stretches that stand at one value are enough.
+        noise = survey.floor[lively]
+        stands = [(noise > k * survey.quantum) & (plateau > v) for k, v in STANDS.items()]
+        own = piled & (often >= np.where(np.any(stands, axis=0), 2, 3)) & (cells >= 6)
         groups = [(highest, shared)] if shared.sum() >= 2 or (shared & (often >= 2)).any() else []
         groups += [
             (v, own & (top == v) & (top != highest)) for v in np.unique(top[own]) if v != highest

@@ -10,7 +10,7 @@ from skinmap.soundness.finding import Finding, finding
 from skinmap.soundness.survey import Survey
 
 AWAY = 3.0  # rows by which the clocks must differ somewhere
-UNCLEAR = 0.5  # share of the reference that the best line leaves open
+UNCLEAR = 0.25  # share of the reference that the best line leaves open
 
 
 def clock_faults(survey: Survey, step: float) -> list[Finding]:

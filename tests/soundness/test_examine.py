@@ -291,6 +291,65 @@ def test_a_touch_on_a_calm_skin_shows_a_turned_sign():
     assert [(one.kind, one.channels) for one in own] == [("sign", [51])]
 
 
+def pokes(rng, *, rows=4500, side=10):
+    """(rows, side**2) presses of one finger here and there, 0 to 1, at 50 rows a second."""
+    places = np.stack(np.meshgrid(np.arange(side), np.arange(side)), -1).reshape(-1, 2)
+    felt = np.zeros((rows, len(places)))
+    begin = 100
+    while begin < rows - 200:
+        lasts = int(rng.integers(30, 120))
+        away = ((places - rng.uniform(0, side, 2)) ** 2).sum(axis=1)
+        edge = np.minimum(np.arange(lasts), np.arange(lasts)[::-1]) / 5.0
+        press = rng.uniform(0.4, 1.0) * np.minimum(edge, 1.0)[:, None] * np.exp(-away / 5.0)
+        felt[begin : begin + lasts] = press
+        begin += lasts + int(rng.integers(20, 150))
+    return felt
+
+
+def test_touches_here_and_there_give_the_clock_of_a_load():
+    # No channels go together as in a chamber: the load is that of all of them.
+    rng = np.random.default_rng(3)
+    felt = pokes(rng)
+    values = np.rint(240.0 - 120.0 * felt + rng.normal(0.0, 0.7, felt.shape)).astype(np.uint8)
+    whole = felt.sum(axis=1)
+    seen = np.interp(np.arange(4500) * 1.003 + 30.0, np.arange(4500), whole)
+    made = Track("a", values, np.arange(4500) / 50, reference=seen / seen.max())
+    (found,) = [one for one in examine_track(made)[0].findings if one.kind == "clocks"]
+    assert abs(found.offset_rows - 30.0) < 6.0
+    assert abs(found.slope - 0.003) < 5e-4
+    # The control: the load of another recording fits nowhere.
+    other = pokes(np.random.default_rng(4)).sum(axis=1)
+    made = Track("a", values, np.arange(4500) / 50, reference=other / other.max())
+    (found,) = [one for one in examine_track(made)[0].findings if one.kind == "clocks"]
+    assert "fits no part" in found.text
+
+
+def test_two_long_stretches_at_one_value_are_cut_off_where_noise_moves_all_others():
+    rng = np.random.default_rng(5)
+    values = pokes(rng)
+    channel = int(values.max(axis=0).argmax())
+    values[:, channel] = 0.0
+    for begin in (500, 2500):
+        values[begin : begin + 80, channel] = 1.0
+    values = 40.0 * values + rng.normal(0.0, 0.2, values.shape)
+    kinds = [
+        one.kind for one in examine_track(Track("a", values, np.arange(4500) / 50))[0].findings
+    ]
+    assert "clipped" not in kinds
+    values[:, channel] = np.minimum(values[:, channel], 30.0)
+    found = examine_track(Track("a", values, np.arange(4500) / 50))[0].findings
+    assert [(one.kind, one.channels) for one in found] == [("clipped", [channel])]
+
+
+def test_a_coarse_channel_is_neither_noisy_nor_cut_off():
+    rng = np.random.default_rng(8)
+    values = 100.0 * pokes(rng) + rng.normal(0.0, 0.5, (4500, 100))
+    channel = int(np.abs(values).sum(axis=0).argmax())
+    values[:, channel] = 14.0 * np.rint(values[:, channel] / 14.0)
+    found = examine_track(Track("a", values, np.arange(4500) / 50))[0].findings
+    assert [(one.kind, one.channels) for one in found] == [("quantised", [channel])]
+
+
 def test_rows_in_another_order_are_no_new_clock():
     times = np.arange(1000) / 50
     for seed in range(20):
