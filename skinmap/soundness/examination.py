@@ -88,7 +88,7 @@ def examine_track(track: Track) -> tuple[ExaminedFile, Survey]:
         found = [*times.findings, *clock_faults(looked, times.step)]
         own, bad = channel_faults(looked)
         found += own
-        found += rest_faults(looked, bad) or session_offsets(looked, bad)
+        found += session_offsets(looked, bad) or rest_faults(looked, bad)
         found += set_faults(looked, bad) + place_faults(looked, bad, episodes(looked))
     rate = 1.0 / times.step if times.step > 0 else None
     named = [replace(_marked(one, track), file=track.file) for one in in_order(found)]

@@ -132,7 +132,8 @@ def session_offsets(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     if track.events is None or len(set(track.sessions)) < 2:
         return []
     lively = np.flatnonzero(~survey.constant & ~bad)
-    rests, names, where = [], [], []
+    rests, names, where, edges = [], [], [], []
+    share = 20.0 if survey.rising else 80.0
     for name in dict.fromkeys(track.sessions):
         own = [k for k, one in enumerate(track.sessions) if one == name]
         rows = np.flatnonzero(np.isin(track.events, own))
@@ -140,22 +141,34 @@ def session_offsets(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
             continue
         a, b = survey.cell_of(rows[0]), survey.cell_of(rows[-1])
         inside = survey.mean[a : b + 1][:, lively]
-        rests.append(np.percentile(inside, 20.0 if survey.rising else 80.0, axis=0))
+        rests.append(np.percentile(inside, share, axis=0))
+        third = -(-len(inside) // 3)
+        edges.append(
+            [np.percentile(one, share, axis=0) for one in (inside[:third], inside[-third:])]
+        )
         names.append(name)
         where.append([int(rows[0]), int(rows[-1])])
     turns = sorted(where)
     if len(rests) < 2 or any(a[1] >= b[0] for a, b in pairwise(turns)):
         return []
+    order = np.argsort([one[0] for one in where])
     level = np.array(rests)
+    step, between = np.array(
+        [(edges[b][0] - edges[a][1], level[b] - level[a]) for a, b in pairwise(order)]
+    ).transpose(1, 0, 2)
+    if np.abs(step).sum() < STEP * np.abs(between).sum():  # it drifts
+        return []
     usual = np.median(level, axis=0)
     span = np.median((survey.high.max(axis=0) - survey.low.min(axis=0))[lively])
     limit = np.maximum(0.03 * span, 6.0 * survey.noise[lively] / np.sqrt(survey.cell))
     limit = np.maximum(limit, 1.2 * survey.quantum)
     off = np.abs(level - usual) > limit
-    which = np.flatnonzero(off.mean(axis=1) > 0.3)
+    which = np.flatnonzero(off.mean(axis=1) > 0.1)
     if len(which) == 0:
         return []
-    text = f"At rest, session {', '.join(names[k] for k in which[:4])} differs from the others."
+    several = f"sessions {', '.join(names[k] for k in which[:4])} differ"
+    who = several if len(which) > 1 else f"session {names[which[0]]} differs"
+    text = f"At rest, {who} from {'each other' if len(which) == len(names) else 'the others'}."
     channels = lively[off[which].any(axis=0)]
     whole = len(channels) > ALL * len(lively)
     return [

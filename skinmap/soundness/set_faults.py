@@ -17,6 +17,9 @@ CHANCE = 0.001  # of a leak that is none
 SHARED = 40  # rows in a row that two recordings must share
 TRACE = 60  # samples in a row that two references must share
 MOST_LABELS = 2000
+TREES, PIECES = 200, 12  # that vote on labels; of a touch, whose course they see
+CLEAR = 0.8  # share of the touches that keep their label
+SURELY, FEW = 0.45, 0.5  # votes for another label beyond its own, and more of few touches
 
 
 def set_faults(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
@@ -149,48 +152,60 @@ def _unfelt(
 def _misnamed(
     survey: Survey, labels: list[str], rows: list[IntArray], bad: NDArray[np.bool_]
 ) -> list[Finding]:
-    """Touches that all features of their label speak against."""
+    """Touches that trees which never saw them name otherwise, and surely."""
     kinds, numbers = np.unique(labels, return_inverse=True)
-    count = np.bincount(numbers)
-    if len(kinds) < 2 or count.min() < 4 or (bad | survey.constant).all():
+    fewest = int(np.bincount(numbers).min())
+    if len(kinds) < 2 or fewest < 4 or (bad | survey.constant).all():
         return []
-    features = _features(survey, rows, bad)
-    features = (features - features.mean(axis=0)) / np.maximum(features.std(axis=0), 1e-9)
-    away = np.zeros((len(rows), len(kinds)))
-    for k in range(len(kinds)):
-        own = features[numbers == k]
-        middle = np.median(own, axis=0)
-        spread = np.maximum(1.4826 * np.median(np.abs(own - middle), axis=0), 0.15)
-        away[:, k] = np.minimum(np.abs(features - middle) / spread, 8.0).mean(axis=1)
-    own = away[np.arange(len(rows)), numbers]
-    other = np.where(np.eye(len(kinds), dtype=bool)[numbers], np.inf, away).min(axis=1)
-    wrong = np.flatnonzero((own > 3.5 * other) & (own > 3.0) & (other < 1.2))
-    clear = (own < other).mean()
-    if clear < 0.9 or len(wrong) == 0 or len(wrong) > 0.25 * len(rows):
+    from sklearn.ensemble import ExtraTreesClassifier  # takes longer to import than all the rest
+
+    features = np.array([_features(survey, own, bad) for own in rows])
+    trees = ExtraTreesClassifier(
+        TREES, bootstrap=True, oob_score=True, min_samples_leaf=2, random_state=0
+    )
+    voted = trees.fit(np.nan_to_num(features), numbers).oob_decision_function_
+    one = np.arange(len(rows))
+    own = voted[one, numbers].copy()
+    voted[one, numbers] = 0.0
+    margin = np.nan_to_num(voted.max(axis=1) - own)
+    wrong = np.flatnonzero(margin > SURELY + FEW / fewest)
+    if (margin < 0.0).mean() < CLEAR or len(wrong) == 0:
         return []
+    first = wrong[0]
+    look = "touch looks" if len(wrong) == 1 else "touches look"
     text = (
-        f"{len(wrong)} touches look like another label, such as {labels[wrong[0]]!r} at row "
-        f"{rows[wrong[0]][0]}."
+        f"{len(wrong)} {look} like another label, such as {labels[first]!r} at row "
+        f"{rows[first][0]} like {str(kinds[voted[first].argmax()])!r}."
     )
     spans = [[int(rows[k][0]), int(rows[k][-1])] for k in wrong]
     return [finding("labels", text, rows=spans, times=survey.track.times, confidence=0.85)]
 
 
-def _features(survey: Survey, rows: list[IntArray], bad: NDArray[np.bool_]) -> FloatArray:
-    """Size, strength, length and motion of each touch."""
+def _features(survey: Survey, own: IntArray, bad: NDArray[np.bool_]) -> list[float]:
+    """Size, strength, length, course and motion of the touch in some rows."""
     good = ~bad & ~survey.constant
-    found = []
-    at = np.arange(good.sum())
-    for own in rows:
-        cells = np.unique(survey.cell_of(own))
-        load = np.maximum(survey.response[cells][:, good], 0.0)
-        wide = survey.touched[cells][:, good].sum(axis=1)
-        middle = (load * at).sum(axis=1) / np.maximum(load.sum(axis=1), 1e-9)
-        found.append([
-            np.log1p(load.max()), np.log1p(wide.max()), np.log1p(len(own)),
-            np.log1p(load.sum(axis=1).max()), np.log1p(middle.std()),
-        ])  # fmt: skip
-    return np.array(found, np.float64)
+    cells = np.unique(survey.cell_of(own))
+    strong = np.maximum(survey.response[cells][:, good], 0.0)
+    wide = survey.touched[cells][:, good].sum(axis=1)
+    sign = 1.0 if survey.rising else -1.0
+    rest = (survey.mean - survey.response * sign)[cells[0], good]
+    pieces = np.array_split(own, min(len(own), PIECES))
+    values = np.nan_to_num(survey.track.values[own][:, good].astype(np.float64))
+    starts = np.cumsum([0] + [len(one) for one in pieces[:-1]])
+    felt = np.add.reduceat(values, starts) / np.array([len(one) for one in pieces])[:, None]
+    felt = np.maximum((felt - rest) * sign, 0.0)
+    felt[felt <= survey.floor[good]] = 0.0
+    course = felt.sum(axis=1) / max(float(felt.sum(axis=1).max()), 1e-12)
+    held = np.flatnonzero(course >= 0.2 * course.max())
+    place = (felt @ np.arange(good.sum()) / np.maximum(felt.sum(axis=1), 1e-12))[held]
+    begin, end = felt[held[0]], felt[held[-1]]
+    alike = float(begin @ end) / max(float(np.linalg.norm(begin) * np.linalg.norm(end)), 1e-12)
+    sizes = [strong.max(), wide.max(), len(own), strong.sum(axis=1).max(), place.std()]
+    bends = np.interp(np.linspace(0, len(course) - 1, 8), np.arange(len(course)), course)
+    return [
+        *np.log1p(sizes).tolist(), alike, float(np.abs(np.diff(course)).sum()), *bends.tolist(),
+        float(place[-1] - place[0]), float(np.ptp(place)),
+    ]  # fmt: skip
 
 
 def _hashes(track: Track) -> NDArray[np.uint64]:

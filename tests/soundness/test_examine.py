@@ -350,6 +350,61 @@ def test_a_coarse_channel_is_neither_noisy_nor_cut_off():
     assert [(one.kind, one.channels) for one in found] == [("quantised", [channel])]
 
 
+def labelled(rng, *, per=15):
+    """Presses, pats and strokes of a finger, in three sessions: a track and its touches' rows."""
+    places = np.stack(np.meshgrid(np.arange(8), np.arange(8)), -1).reshape(-1, 2)
+    names = rng.permutation(np.repeat(["poke", "pat", "stroke"], per)).tolist()
+    pieces, spans = [], []
+    for name in names:
+        lasts, begin, angle = int(rng.integers(50, 100)), rng.uniform(1, 6, 2), rng.uniform(0, 6.3)
+        way = np.array([np.cos(angle), np.sin(angle)])
+        course = np.linspace(0, 1, lasts)
+        at = begin + (3.0 * course[:, None] * way if name == "stroke" else 0.0)
+        press = np.clip(8.0 * np.minimum(course, 1 - course), 0, 1) * rng.uniform(0.6, 1.0)
+        press = press * np.abs(np.sin(9.0 * course)) if name == "pat" else press
+        away = ((places[None] - np.broadcast_to(at, (lasts, 2))[:, None]) ** 2).sum(axis=-1)
+        start = sum(map(len, pieces)) + 50
+        spans.append([start, start + lasts - 1])
+        pieces += [np.zeros((50, 64)), press[:, None] * np.exp(-away / 3.0)]
+    felt = 100.0 * np.concatenate(pieces)
+    values = np.rint(rng.uniform(20, 60, 64) + felt + rng.normal(0, 1, felt.shape))
+    events = np.full(len(values), -1)
+    for number, (first, last) in enumerate(spans):
+        events[first : last + 1] = number
+    sessions = tuple(f"s{3 * k // len(names)}" for k in range(len(names)))
+    made = Track("a", values, np.arange(len(values)) / 50, events=events, labels=tuple(names))
+    return replace(made, sessions=sessions), spans
+
+
+def test_exchanged_labels_are_named_and_others_are_not():
+    named = 0
+    for seed in range(4):
+        made, spans = labelled(np.random.default_rng(seed))
+        assert not examine_track(made)[0].findings
+        names = list(made.labels)
+        wrong = [names.index("poke"), names.index("stroke")]
+        names[wrong[0]], names[wrong[1]] = "stroke", "poke"
+        (found,) = examine_track(replace(made, labels=tuple(names)))[0].findings
+        assert found.kind == "labels"
+        assert all(rows in [spans[k] for k in wrong] for rows in found.rows)
+        named += len(found.rows)
+    assert named >= 7  # of 8
+
+
+def test_offsets_of_sessions_are_no_drift_and_a_drift_is_no_offset_of_sessions():
+    made, spans = labelled(np.random.default_rng(1))
+    values = made.values.copy()
+    row = np.arange(len(values))
+    number = np.searchsorted([spans[15][0], spans[30][0]], row, side="right")
+    offsets = np.random.default_rng(2).normal(0, 8, (3, 64))
+    (found,) = examine_track(replace(made, values=values + offsets[number]))[0].findings
+    assert found.kind == "rest"
+    assert "sessions" in found.text
+    drifted = values + np.linspace(0, 30, len(values))[:, None]
+    (found,) = examine_track(replace(made, values=drifted))[0].findings
+    assert found.kind == "drift"
+
+
 def test_rows_in_another_order_are_no_new_clock():
     times = np.arange(1000) / 50
     for seed in range(20):
