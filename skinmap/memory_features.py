@@ -11,7 +11,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 
-MEAN_SECONDS = 0.5  # of the running mean that steadies whole counts
+MEAN_SECONDS = 0.5  # of the running mean that steadies whole counts, unless another is asked for
 RADII = (0.05, 0.125, 0.25, 0.5)  # of the play operators, in spans of a channel
 SECONDS = (0.4, 2.0, 10.0)  # time constants of the slow means
 FEATURES = 4 + len(RADII) + len(SECONDS)
@@ -26,12 +26,14 @@ class MemoryState:
         Values at rest, or the first ones, in spans: where each memory begins.
     rate : float
         Rows a second.
+    seconds : float
+        Of the running mean; 0 leaves the values as they are.
     """
 
-    def __init__(self, start: FloatArray, rate: float) -> None:
+    def __init__(self, start: FloatArray, rate: float, seconds: float = MEAN_SECONDS) -> None:
         start = np.asarray(start, np.float64)
         self._rate = rate
-        self._window = np.tile(start, (max(1, round(MEAN_SECONDS * rate)), 1))
+        self._window = np.tile(start, (max(1, round(seconds * rate)), 1))
         self._mean = start.copy()
         self._next = 0
         self._plays = np.tile(start, (len(RADII), 1))

@@ -61,6 +61,8 @@ class LoadResult(Calibrated):
         Channels that never moved, and that did not follow the others: left out of all sums.
     model
         Step of the ladder that did best on held-out stretches: `linear`, `cubic`, `hysteresis`.
+    mean_s
+        Running mean of the counts that did best there [s].
     held_out_bar
         Median error of each step on held-out stretches [bar].
     shared_shape
@@ -88,6 +90,7 @@ class LoadResult(Calibrated):
     dead: list[int]
     stray: list[int]
     model: str
+    mean_s: float
     held_out_bar: dict[str, float]
     shared_shape: int
     error_bar: Spread
@@ -169,6 +172,7 @@ def work(
         dead=fit.dead,
         stray=fit.stray,
         model=found.model,
+        mean_s=found.mean_s,
         held_out_bar=fit.held_out,
         shared_shape=fit.shared,
         error_bar=Spread.of(found.error[found.answered]),
@@ -232,7 +236,8 @@ def _lines(result: LoadResult) -> Iterator[str]:
     yield from judged(result)
     yield (
         f"{result.answered} of {result.channels} taxels, 0 to {result.top_bar:.2f} bar, model "
-        f"{result.model}: error {result.error_bar.median:.3f} bar (median, held out)"
+        f"{result.model}, mean over {result.mean_s:.2f} s: error {result.error_bar.median:.3f} bar "
+        "(median, held out)"
     )
     yield from (f"clock of {_clock(row)}" for row in result.clocks)
     yield f"left out, dead: {_named(result.dead)}"
@@ -245,7 +250,7 @@ def _page(fit: LoadFit, pressed: list[Pressed], result: LoadResult) -> str:
     rows = [
         ("taxels with pressures", f"{result.answered} of {result.channels}"),
         ("calibrated range", f"0 to {result.top_bar:.2f} bar"),
-        ("model", result.model),
+        ("model", f"{result.model}, counts averaged over {result.mean_s:.2f} s"),
         *((f"held out, {name}", f"{error:.3f} bar") for name, error in result.held_out_bar.items()),
         ("doubt of a session's zero", f"{result.doubt_bar:.3f} bar"),
         *((f"clock {i + 1}", _clock(row)) for i, row in enumerate(result.clocks)),

@@ -7,15 +7,25 @@ is held is chosen on stretches of the recording that are left out.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from scipy.optimize import nnls
 
-from calibration.response.load_fit import FOLDS, LEAST_SPAN, LoadFit, Pressed, check_lines
+from calibration.response.load_fit import (
+    BETTER,
+    FOLDS,
+    LEAST_SPAN,
+    MEANS,
+    LoadFit,
+    Pressed,
+    check_lines,
+)
 from skinmap.arrays import FloatArray
 from skinmap.clock_lines import align, reference_at
 from skinmap.errors import InvalidArrayError
 from skinmap.live.contacts.contact_forces import PartForces
-from skinmap.memory_features import FEATURES, MEAN_SECONDS
+from skinmap.memory_features import FEATURES
 from skinmap.skin.skin import Skin
 from skinmap.touch.load_calibration import REST_DOUBT, LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -73,27 +83,21 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
         raise InvalidArrayError(f"{one.name}: no taxel moves: nothing to lay the wrench on")
     radius = float(np.sqrt((skin.positions**2).sum(axis=1).mean()))
     sums = np.hstack([forces.vectors, forces.moments / radius])[touched] * PASCALS
-    # As the calibration will read them, with the lag that steadies whole counts.
-    wide = max(1, round(MEAN_SECONDS * one.rate))
-    total = np.cumsum(np.pad(away[:, touched] * np.sign(span[touched]), ((wide, 0), (0, 0))), 0)
-    felt = ((total[wide:] - total[:-wide]) / wide)[known]
+    signed = np.pad(away[:, touched] * np.sign(span[touched]), ((1, 0), (0, 0)))
     told = wrench[known] / [1, 1, 1, *[radius] * 3]
-    fold = np.arange(len(felt)) * FOLDS * 4 // len(felt) % FOLDS
-    parts = [_sums(felt[fold == k], told[fold == k], sums) for k in range(FOLDS)]
-    square, toward = np.sum([part[0] for part in parts], 0), np.sum([part[1] for part in parts], 0)
-    power, rows = float(sum(part[2] for part in parts)), len(felt)
-    common = float(toward.sum() / square.sum())
-    if common < 0:  # the sensor feels the reaction
-        toward, common = -toward, -common
-        parts = [(own, -to, size) for own, to, size in parts]
-    tried = {}
-    for held in HELD:
-        tried[held] = 0.0
-        for own, to, part_power in parts:
-            gains = _gains(square - own, toward - to, common, held)
-            tried[held] += float(part_power - 2 * gains @ to + gains @ own @ gains)
-    held = min(tried, key=tried.__getitem__)
-    left = max(tried[held], 0.0)
+    found = None
+    for seconds in MEANS:
+        # As the calibration will read them, with the lag that steadies whole counts.
+        wide = max(1, round(seconds * one.rate))
+        total = np.cumsum(np.pad(signed, ((wide - 1, 0), (0, 0))), 0)
+        felt = ((total[wide:] - total[:-wide]) / wide)[known]
+        tried = _Tried.of(felt, told, sums)
+        if found is None or tried.left < BETTER * found[1].left:
+            found = seconds, tried, felt
+    assert found is not None
+    mean_s, tried, felt = found
+    square, toward, common, held = tried.square, tried.toward, tried.common, tried.held
+    left, power, rows = tried.left, tried.power, len(felt)
     if left > 0.2 * power:
         raise InvalidArrayError(
             f"{one.name}: the skin explains {100 * (1 - left / power):.0f} % of the wrench, 80 % "
@@ -117,7 +121,7 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
     calibration = LoadCalibration(
         weights, rest, span, np.zeros(n), top, own_error,
         doubt=REST_DOUBT * float(np.median(gains)), rate=one.rate, model="linear",
-        shift=np.zeros(n), zeroed=when, fingerprint=fingerprint,
+        shift=np.zeros(n), zeroed=when, fingerprint=fingerprint, mean_s=mean_s,
     )  # fmt: skip
     dead = np.ptp(ends, axis=0) < 1
     return LoadFit(
@@ -125,6 +129,38 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
         np.flatnonzero(dead).tolist(), np.flatnonzero(~touched & ~dead).tolist(),
         int((spread > 0.5 * gains).sum()),
     )  # fmt: skip
+
+
+class _Tried(NamedTuple):
+    """The gains' equations with one running mean, and what folds leave that are held out."""
+
+    square: FloatArray
+    toward: FloatArray
+    common: float
+    held: float
+    left: float
+    power: float
+
+    @classmethod
+    def of(cls, felt: FloatArray, told: FloatArray, sums: FloatArray) -> _Tried:
+        """Of counts (t, k), wrenches (t, 6) and the wrench of a count (k, 6)."""
+        fold = np.arange(len(felt)) * FOLDS * 4 // len(felt) % FOLDS
+        parts = [_sums(felt[fold == k], told[fold == k], sums) for k in range(FOLDS)]
+        square = np.sum([part[0] for part in parts], 0)
+        toward = np.sum([part[1] for part in parts], 0)
+        power = float(sum(part[2] for part in parts))
+        common = float(toward.sum() / square.sum())
+        if common < 0:  # the sensor feels the reaction
+            toward, common = -toward, -common
+            parts = [(own, -to, size) for own, to, size in parts]
+        tried = {}
+        for held in HELD:
+            tried[held] = 0.0
+            for own, to, part_power in parts:
+                gains = _gains(square - own, toward - to, common, held)
+                tried[held] += float(part_power - 2 * gains @ to + gains @ own @ gains)
+        held = min(tried, key=tried.__getitem__)
+        return cls(square, toward, common, held, max(tried[held], 0.0), power)
 
 
 def _sums(

@@ -27,7 +27,7 @@ from skinmap.errors import (
     MissingFileError,
     SkinMismatchError,
 )
-from skinmap.memory_features import FEATURES, MemoryState
+from skinmap.memory_features import FEATURES, MEAN_SECONDS, MemoryState
 
 FORMAT, FILE = "skinmap-load-1", "load.npz"
 Zero = Literal["auto", "none", "first"]
@@ -76,6 +76,8 @@ class LoadCalibration:
         Of a taxel; NaN where nobody said.
     fingerprint : str
         Of the skin; empty where nobody said.
+    mean_s : float
+        Running mean of the counts that the weights are for [s].
     """
 
     weights: FloatArray
@@ -91,6 +93,7 @@ class LoadCalibration:
     zeroed: float
     area_mm2: float = float("nan")
     fingerprint: str = ""
+    mean_s: float = MEAN_SECONDS
 
     def __post_init__(self) -> None:
         n = len(self.rest)
@@ -136,7 +139,7 @@ class LoadCalibration:
             raise MissingFileError(path, "a calibration made by `skinmap calibrate load -o`")
         try:
             with open_arrays(path) as arrays:
-                head = json.loads(arrays["head"].tobytes())
+                head = {"mean_s": MEAN_SECONDS} | json.loads(arrays["head"].tobytes())
                 if head["format"] != FORMAT:
                     raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
                 held: dict[str, Any] = {
@@ -275,8 +278,7 @@ class LoadCalibration:
     def zero_at(self, samples: ArrayLike, when: float) -> LoadCalibration:
         """The calibration zeroed anew by samples (t, n) at rest."""
         counts = self.checked(samples)
-        before = np.asarray(np.median(counts, axis=0), np.float64)
-        session = self._zeroed(before, None, np.zeros(len(self)))
+        session = self._zeroed(np.median(counts, axis=0), None, np.zeros(len(self)))
         return replace(self, shift=session.shift, zeroed=when)
 
     def stream(self, rate: float | None = None) -> LoadStream:
@@ -287,7 +289,7 @@ class LoadCalibration:
 ARRAYS = ("weights", "rest", "span", "recovery", "top", "error", "shift")
 HEAD: dict[str, Any] = {
     "doubt": float, "rate": float, "model": str, "zeroed": float, "area_mm2": float,
-    "fingerprint": str,
+    "fingerprint": str, "mean_s": float,
 }  # fmt: skip
 
 
@@ -341,7 +343,7 @@ class LoadStream:
         model = self._calibration
         scaled = (counts - model.rest - self.session.shift) / model.span
         if self._state is None:
-            self._state = MemoryState(scaled[0], self._rate)
+            self._state = MemoryState(scaled[0], self._rate, model.mean_s)
         features = self._state.steps(scaled)
         raw = np.einsum("tfn,nf->tn", features, model.weights[:, 1:]) + model.weights[:, 0]
         values = np.maximum(raw, 0.0)

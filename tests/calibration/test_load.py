@@ -1,6 +1,7 @@
 """Loads: planted pressures come back in bar with intervals that hold, zeros move, files refuse."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -90,6 +91,34 @@ def test_hysteresis_is_found_and_faults_are_left_out(fit):
     own = np.delete(np.arange(N), [DEAD, STRAY])
     # A count is 3 bar / 60 counts = .05 bar here, its rounding .015; the running mean trails .25 s.
     assert np.median(fit.calibration.error[own]) < 0.06
+
+
+def taps(seed, *, rows=6000):
+    """Counts (t, 12) that follow a pressure (t,) of taps at once, and that pressure."""
+    rng, pressure = np.random.default_rng(seed), np.zeros(rows)
+    for start in range(200, rows - 100, 60):
+        pressure[start : start + int(rng.integers(6, 25))] = rng.uniform(0.3, 2.0)
+    gains = np.random.default_rng(0).uniform(30, 60, 12)
+    counts = 240 - np.outer(pressure, gains) + rng.normal(0, 0.4, (rows, 12))
+    return np.clip(counts.round(), 0, 255).astype(np.uint8), pressure
+
+
+def test_brief_loads_keep_their_height(tmp_path):
+    samples, pressure = taps(1)
+    fit = fit_load([Pressed("taps.npz", samples, RATE, pressure)])
+    assert fit.calibration.mean_s < 0.1
+    (tmp_path / "load.npz").write_bytes(fit.calibration.to_bytes())
+    other, truth = taps(2)
+    felt = LoadCalibration.read(tmp_path).pressures(other)[0][truth > 0]
+    truth_then = truth[truth > 0][:, None]
+    assert np.nanmedian(np.abs(felt - truth_then)) < 0.05
+    # The control: half a second's mean, which slow loads in coarse counts want, misses them.
+    blunt = replace(fit.calibration, mean_s=0.5).pressures(other)[0][truth > 0]
+    assert np.nanmedian(np.abs(blunt - truth_then)) > 0.3
+
+
+def test_slow_loads_in_coarse_counts_are_averaged(fit):
+    assert fit.calibration.mean_s >= 0.1
 
 
 @pytest.mark.parametrize("shift", [0.0, 0.3])
@@ -247,6 +276,8 @@ def test_a_mass_on_its_footprint_is_a_pressure(files, tmp_path):
     [
         ({"pressure_bar": np.full(9000, 1.0)}, (), "never moves"),
         ({"pressure_bar": np.zeros(0)}, (), "pressure_bar is empty"),
+        ({"pressure_bar": chamber(1)[1] * 1e5}, (), "reaches 3e+05 bar"),
+        ({"pressure_pa": chamber(1)[1]}, ("pressure_bar",), "reaches 3e-05 bar"),
         ({"pressure_psi": np.ones(9000)}, ("pressure_bar",), "another unit"),
         ({"pressure_mmHg": np.ones(9000)}, ("pressure_bar",), "another unit"),
         ({"pressure_bar": np.linspace(0, 3, 900)}, (), "900 rows for 9000 samples"),

@@ -30,6 +30,7 @@ NUMBERS = ("UInt8", "Int16", "UInt16", "Int32", "UInt32", "Float32", "Float64")
 ARRAYS = {f"std_msgs/{number}MultiArray" for number in NUMBERS}  # messages of samples
 ABSOLUTE = 5e4  # [Pa]: a pressure that never falls below it is not one above the atmosphere's
 MAX_BAR = 20.0  # above it the unit is wrong: foams of skins are flat by then
+MIN_BAR = 5e-4  # below it, too: a hundredth of a finger's touch
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -137,14 +138,14 @@ def _with_reference(
     own = _numbers(held, "reference_times", path) if "reference_times" in held else None
     _check_reference(reference, own, kind, times, path)
     scale = PRESSURES.get(kind) or FORCES.get(kind, 1.0)
-    if kind in PRESSURES and reference.max() * scale > MAX_BAR:
+    if kind != WRENCH and reference.min() < -0.5 * np.ptp(reference):
+        raise DataFormatError(f"{kind} falls to {reference.min():.3g}: a load is positive", path)
+    if kind in PRESSURES and not MIN_BAR < reference.max() * scale <= MAX_BAR:
         raise DataFormatError(
-            f"{kind} reaches {reference.max() * scale:.0f} bar: is it psi, mmHg or another unit? "
+            f"{kind} reaches {reference.max() * scale:.2g} bar: is it psi, mmHg or another unit? "
             f"{', '.join(PRESSURES)} are read",
             path,
         )
-    if kind != WRENCH and reference.min() < -0.5 * np.ptp(reference):
-        raise DataFormatError(f"{kind} falls to {reference.min():.3g}: a load is positive", path)
     channels = _channels(held, samples.shape[1], path)
     if channels is not None and kind in PRESSURES and len(channels) < samples.shape[1]:
         raise DataFormatError(
