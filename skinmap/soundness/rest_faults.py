@@ -36,7 +36,7 @@ def rest_faults(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         [
             6.0 * scatter,
             np.full(len(lively), 1.2 * survey.quantum),
-            np.full(len(lively), 0.03 * span),
+            np.full(len(lively), 0.05 * span),
         ]
     )
     moved = (reach > limit) & (rough < 1.8 * reach) & (np.abs(total) > 0.6 * reach)

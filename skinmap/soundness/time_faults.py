@@ -13,6 +13,7 @@ from skinmap.soundness.finding import Finding, finding, spans_of
 from skinmap.soundness.survey import Survey
 
 GAP = 1.45  # steps from which two rows may have lost some between them
+SLOWER = 20  # rows on end that come at another rate
 JUMP = 0.7  # steps by which rows behind a gap are later than those before it
 CLOSE = 0.3  # of a step: rows that came together
 BURST = 3  # rows
@@ -302,6 +303,12 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
     if any(one.rows is None for one in stamps):  # of such times a burst is a part
         bursts, big = [], [one for one in sizes if one[0] >= 4]
         gaps, lost = [one[1] for one in big], sum(one[0] for one in big)
+    slow = _slower(gaps, times, step)
+    for first, last, rate in slow:
+        text = f"Rows {first} to {last} come at {rate:.3g} Hz, most others at {1 / step:.3g} Hz."
+        stamps.append(finding("stamps", text, rows=[[first, last]], times=times, confidence=0.9))
+        gaps = [one for one in gaps if not first <= one[0] < last]
+        lost = sum(one[0] for one in sizes if one[1] in gaps)
     if gaps:
         found.append(
             finding(
@@ -322,6 +329,19 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
             )
         )  # fmt: skip
     return found + stamps
+
+
+def _slower(gaps: list[list[int]], times: FloatArray, step: float) -> list[tuple[int, int, float]]:
+    """Rows (first, last) that come evenly at a lower rate [Hz], no whole part of the usual one."""
+    begins = np.array(sorted(one[0] for one in gaps), np.int64)
+    found = []
+    for a, b in spans_of(begins):
+        steps = np.diff(times[a : b + 2]) / step
+        middle = float(np.median(steps))
+        even = np.abs(steps - middle).mean() < 0.1 * middle
+        if b - a >= SLOWER and even and abs(middle - round(middle)) > 0.1:
+            found.append((int(a), int(b + 1), 1.0 / (middle * step)))
+    return found
 
 
 def _gaps(times: FloatArray, inside: NDArray[np.bool_], step: float) -> list[tuple[int, int, int]]:

@@ -405,6 +405,19 @@ def test_offsets_of_sessions_are_no_drift_and_a_drift_is_no_offset_of_sessions()
     assert found.kind == "drift"
 
 
+def test_another_rate_from_a_row_on_is_one_finding_and_every_second_row_lost_is_not_that():
+    rng = np.random.default_rng(7)
+    values = np.rint(40.0 + 100.0 * pokes(rng, rows=3000) + rng.normal(0.0, 1.0, (3000, 100)))
+    even = np.arange(3000) / 50
+    slower = np.concatenate([even[:2000], even[2000] + np.arange(1000) * 0.03])
+    (found,) = examine_track(Track("a", values, slower))[0].findings
+    assert (found.kind, found.rows) == ("stamps", [[2000, 2999]])
+    assert "33.3 Hz" in found.text
+    kept = np.concatenate([np.arange(2000), np.arange(2000, 3000, 2)])
+    (found,) = examine_track(Track("a", values[kept], even[kept]))[0].findings
+    assert found.kind == "lost"
+
+
 def test_rows_in_another_order_are_no_new_clock():
     times = np.arange(1000) / 50
     for seed in range(20):
