@@ -496,7 +496,9 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     usual_share = np.median(share[:, touched]) if touched.any() else 0.0
     wild = (level > limit) & lively & (~touched | (share > 2.5 * usual_share))
     if survey.uniform:
-        wild &= (np.abs(survey.follows) < 0.9) | (share > 6.0 * usual_share)
+        # Cells hide noise: what is left of their agreement from row to row.
+        own = survey.mean.std(axis=0)
+        wild &= np.abs(survey.follows) * own < 0.9 * np.hypot(own, level)
     found = []
     always = np.flatnonzero(wild.mean(axis=0) >= 0.75)
     some = np.flatnonzero((wild.mean(axis=0) < 0.75) & (wild.sum(axis=0) >= 2))

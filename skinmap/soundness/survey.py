@@ -210,8 +210,9 @@ class Survey:
             return False
         course = np.median(self.mean[:, lively] - self.mean[0, lively], axis=1)
         pieces = np.array([np.median(one) for one in np.array_split(course, PIECES)])
-        # A drift or a step goes one way.
-        return bool(np.abs(np.diff(pieces)).sum() > 1.5 * np.ptp(pieces))
+        # A drift or a step goes one way; a load may, where a reference was pressed along.
+        one_way = np.abs(np.diff(pieces)).sum() <= 1.5 * np.ptp(pieces)
+        return bool(not one_way or self.track.reference is not None)
 
     @cached_property
     def loaded(self) -> bool:
@@ -222,6 +223,7 @@ class Survey:
         level = np.median((self.levels - self.rest)[:, lively], axis=1)
         course = np.median((self.mean - self.rest)[:, lively], axis=1)
         rough = np.abs(np.diff(level)).sum() > 1.5 * np.ptp(level)
+        rough |= self.track.reference is not None
         return bool(rough and np.ptp(level) > 0.1 * np.ptp(course))
 
     @cached_property

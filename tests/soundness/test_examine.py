@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from skinmap.soundness.examination import examine_track, examine_tracks
 from skinmap.soundness.finding import HARM, KINDS
 from skinmap.soundness.track import Track, read_track
 
+INSOLE = Path(__file__).resolve().parents[3] / "shared" / "data" / "insole"
 EASY = 3  # of each fault: a skin that the generator draws may hide it
 
 
@@ -416,6 +418,26 @@ def test_another_rate_from_a_row_on_is_one_finding_and_every_second_row_lost_is_
     kept = np.concatenate([np.arange(2000), np.arange(2000, 3000, 2)])
     (found,) = examine_track(Track("a", values[kept], even[kept]))[0].findings
     assert found.kind == "lost"
+
+
+@pytest.mark.skipif(not INSOLE.is_dir(), reason="the insole is not beside this checkout")
+def test_a_real_chamber_accuses_the_dead_and_hardly_any_that_follow():
+    with np.load(INSOLE / "calibration_dataset.npz") as held:
+        counts, reference = held["counts"].astype(float), held["pressure_bar"]
+    spread, skin = counts.std(axis=0), np.median(counts, axis=1)
+    live = np.flatnonzero(spread > 0.5)
+    follow = {k for k in live.tolist() if np.corrcoef(counts[:, k], skin)[0, 1] > 0.9}
+    assert len(follow) == 237
+    track = Track("a", counts, np.arange(len(counts)) / 50, reference=reference)
+    found = examine_track(track)[0].findings
+    accused = {channel for one in found for channel in one.channels or []}
+    assert set(np.flatnonzero(spread <= 0.5).tolist()) <= accused
+    assert len(accused & follow) <= 3
+    # A recording that ends under load has no drift of its own.
+    with np.load(INSOLE / "validation_dataset_2.npz") as held:
+        counts, reference = held["counts"].astype(float), held["pressure_bar"]
+    track = Track("b", counts, np.arange(len(counts)) / 50, reference=reference)
+    assert not {one.kind for one in examine_track(track)[0].findings} & {"drift", "rest"}
 
 
 def test_rows_in_another_order_are_no_new_clock():
