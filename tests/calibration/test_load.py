@@ -137,6 +137,20 @@ def test_another_day_is_zeroed_and_intervals_hold(fit, shift):
         assert np.sqrt(np.nanmean((kept[:, own] - pressure[:, None]) ** 2)) > 0.2
 
 
+def test_intervals_hold_where_gains_differ_from_day_to_day(fit):
+    rng, own, held = np.random.default_rng(8), np.delete(np.arange(N), [DEAD, STRAY]), []
+    for day in range(8):
+        samples, pressure = chamber(20 + day, top=2.4)
+        rest = samples[:300].mean(axis=0)
+        gain = 1.0 + rng.normal(0, 0.026) + rng.normal(0, 0.026, N)
+        _, low, high = fit.calibration.pressures(np.rint(rest + (samples - rest) * gain))
+        known = np.isfinite(low[:, own])
+        pressed = known & (pressure > 1.0)[:, None]
+        inside = (low <= pressure[:, None]) & (pressure[:, None] <= high)
+        held.append(inside[:, own][pressed].mean())
+    assert 0.85 <= np.mean(held) <= 0.98
+
+
 def test_above_the_calibrated_range_is_refused(fit):
     samples, pressure = chamber(3, top=4.0)
     values, *_ = fit.calibration.pressures(samples)
