@@ -28,6 +28,7 @@ WINDOWS, REACH = 40, 150  # of the local lags, and how far they look [rows]
 BREAK = 15  # rows lost at once that make a line of their own
 GAIN = 0.8  # of the misfit that a further line must leave at most
 CHUNK = 10_000  # rows at once
+LONG = 30_000  # rows of a reference that are looked at one by one
 UNCLEAR = 0.05  # of the reference's variance: above it all channels are tried together
 STILL = 4.0  # times the median distance from rest: noise
 UNEXPLAINED = 0.2  # of the reference's variance: above it the clocks do not align
@@ -178,12 +179,29 @@ def align(samples: ArrayLike, reference: ArrayLike, *, rate: float = 50.0) -> tu
         raise InvalidArrayError("the reference holds NaN or infinity")
     if np.ptp(wanted) < 1e-9 * max(1.0, np.abs(wanted).max()):
         raise InvalidArrayError("the reference never moves: there is nothing to align")
-    found = _Alignment(_signal(given), wanted, rate).lines()
+    found = _lines(_signal(given), wanted, rate)
     if found[0].unexplained > UNCLEAR:
         # Touches here and there: no channels go together, and the load is that of all.
-        of_all = _Alignment(_total(given), wanted, rate).lines()
+        of_all = _lines(_total(given), wanted, rate)
         found = min(found, of_all, key=lambda lines: lines[0].unexplained)
     return found
+
+
+def _lines(signal: FloatArray, reference: FloatArray, rate: float) -> tuple[ClockLine, ...]:
+    """The best lines; of many hours, by means of some rows: the search grows with their square."""
+    by = -(-len(reference) // LONG)
+    if by > 1:
+        signal, reference = (
+            one[: len(one) // by * by].reshape(-1, by).mean(axis=1) for one in (signal, reference)
+        )
+    found = _Alignment(signal, reference, rate / by).lines()
+    return tuple(
+        ClockLine(
+            by * one.first_row, by * one.offset_rows - one.slope * (by - 1) / 2, one.slope,
+            by * one.residual_rows, one.unexplained,
+        )
+        for one in found
+    )  # fmt: skip
 
 
 class _Alignment:

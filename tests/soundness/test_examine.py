@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from scipy.io import savemat
 import skinmap
 from benchmarks.reliability.planted_faults import PLANTS, Made, meets, sheet, track
 from skinmap.cli.main import cli
+from skinmap.clock_lines import align
 from skinmap.errors import DataFormatError
 from skinmap.soundness.examination import examine_track, examine_tracks
 from skinmap.soundness.finding import HARM, KINDS
@@ -438,6 +440,20 @@ def test_a_real_chamber_accuses_the_dead_and_hardly_any_that_follow():
         counts, reference = held["counts"].astype(float), held["pressure_bar"]
     track = Track("b", counts, np.arange(len(counts)) / 50, reference=reference)
     assert not {one.kind for one in examine_track(track)[0].findings} & {"drift", "rest"}
+
+
+def test_the_clock_of_hours_is_found_in_seconds():
+    rng, rows = np.random.default_rng(11), 200_000
+    knots = rng.uniform(0, 1, rows // 150 + 2)
+    load = np.interp(np.arange(rows), np.arange(len(knots)) * 150, knots)
+    counts = np.rint(np.outer(load, np.linspace(60, 120, 6))).astype(np.uint8)
+    seen = np.interp(np.arange(rows) * 1.0007 + 400.0, np.arange(rows), load)
+    begin = time.process_time()
+    (line,) = align(counts, seen)
+    assert time.process_time() - begin < 60
+    at = np.array([0, rows - 1000])
+    ours = at + line.offset_rows + line.slope * at
+    np.testing.assert_allclose(ours, at * 1.0007 + 400.0, atol=12)
 
 
 def test_rows_in_another_order_are_no_new_clock():
