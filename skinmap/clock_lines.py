@@ -29,7 +29,7 @@ BREAK = 15  # rows lost at once that make a line of their own
 GAIN = 0.8  # of the misfit that a further line must leave at most
 CHUNK = 10_000  # rows at once
 LONG = 30_000  # rows of a reference that are looked at one by one
-UNCLEAR = 0.05  # of the reference's variance: above it all channels are tried together
+WEAK = 0.05  # of the reference's variance: above it all channels are tried together
 STILL = 4.0  # times the median distance from rest: noise
 UNEXPLAINED = 0.2  # of the reference's variance: above it the clocks do not align
 WRONG = 10.0  # times the usual misfit of a stretch, of which a lag mends less than half
@@ -180,7 +180,7 @@ def align(samples: ArrayLike, reference: ArrayLike, *, rate: float = 50.0) -> tu
     if np.ptp(wanted) < 1e-9 * max(1.0, np.abs(wanted).max()):
         raise InvalidArrayError("the reference never moves: there is nothing to align")
     found = _lines(_signal(given), wanted, rate)
-    if found[0].unexplained > UNCLEAR:
+    if found[0].unexplained > WEAK:
         # Touches here and there: no channels go together, and the load is that of all.
         of_all = _lines(_total(given), wanted, rate)
         found = min(found, of_all, key=lambda lines: lines[0].unexplained)

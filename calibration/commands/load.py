@@ -236,8 +236,8 @@ def _lines(result: LoadResult) -> Iterator[str]:
     yield from judged(result)
     yield (
         f"{result.answered} of {result.channels} taxels, 0 to {result.top_bar:.2f} bar, model "
-        f"{result.model}, mean over {result.mean_s:.2f} s: error {result.error_bar.median:.3f} bar "
-        "(median, held out)"
+        f"{result.model}, running mean of {result.mean_s:g} s: error "
+        f"{result.error_bar.median:.3f} bar (median, held out)"
     )
     yield from (f"clock of {_clock(row)}" for row in result.clocks)
     yield f"left out, dead: {_named(result.dead)}"
@@ -250,7 +250,7 @@ def _page(fit: LoadFit, pressed: list[Pressed], result: LoadResult) -> str:
     rows = [
         ("taxels with pressures", f"{result.answered} of {result.channels}"),
         ("calibrated range", f"0 to {result.top_bar:.2f} bar"),
-        ("model", f"{result.model}, counts averaged over {result.mean_s:.2f} s"),
+        ("model", f"{result.model}, running mean of {result.mean_s:g} s"),
         *((f"held out, {name}", f"{error:.3f} bar") for name, error in result.held_out_bar.items()),
         ("doubt of a session's zero", f"{result.doubt_bar:.3f} bar"),
         *((f"clock {i + 1}", _clock(row)) for i, row in enumerate(result.clocks)),

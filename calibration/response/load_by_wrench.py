@@ -13,12 +13,12 @@ import numpy as np
 from scipy.optimize import nnls
 
 from calibration.response.load_fit import (
-    BETTER,
     FOLDS,
     LEAST_SPAN,
     MEANS,
     LoadFit,
     Pressed,
+    best_mean,
     check_lines,
 )
 from skinmap.arrays import FloatArray
@@ -83,21 +83,16 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
         raise InvalidArrayError(f"{one.name}: no taxel moves: nothing to lay the wrench on")
     radius = float(np.sqrt((skin.positions**2).sum(axis=1).mean()))
     sums = np.hstack([forces.vectors, forces.moments / radius])[touched] * PASCALS
-    signed = np.pad(away[:, touched] * np.sign(span[touched]), ((1, 0), (0, 0)))
+    signed = away[:, touched] * np.sign(span[touched])
     told = wrench[known] / [1, 1, 1, *[radius] * 3]
-    found = None
-    for seconds in MEANS:
-        # As the calibration will read them, with the lag that steadies whole counts.
-        wide = max(1, round(seconds * one.rate))
-        total = np.cumsum(np.pad(signed, ((wide - 1, 0), (0, 0))), 0)
-        felt = ((total[wide:] - total[:-wide]) / wide)[known]
-        tried = _Tried.of(felt, told, sums)
-        if found is None or tried.left < BETTER * found[1].left:
-            found = seconds, tried, felt
-    assert found is not None
-    mean_s, tried, felt = found
-    square, toward, common, held = tried.square, tried.toward, tried.common, tried.held
-    left, power, rows = tried.left, tried.power, len(felt)
+    tried = {
+        seconds: _Tried.of(_averaged(signed, seconds * one.rate)[known], told, sums)
+        for seconds in MEANS
+    }
+    mean_s = best_mean({seconds: one.left for seconds, one in tried.items()})
+    square, toward, common, held, left, power = tried[mean_s]
+    felt = _averaged(signed, mean_s * one.rate)[known]
+    rows = len(felt)
     if left > 0.2 * power:
         raise InvalidArrayError(
             f"{one.name}: the skin explains {100 * (1 - left / power):.0f} % of the wrench, 80 % "
@@ -131,8 +126,15 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
     )  # fmt: skip
 
 
+def _averaged(counts: FloatArray, rows: float) -> FloatArray:
+    """Running mean of counts (t, k), with the lag that a calibration reads them with."""
+    wide = max(1, round(rows))
+    total = np.cumsum(np.pad(counts, ((wide, 0), (0, 0))), 0)
+    return np.asarray((total[wide:] - total[:-wide]) / wide)
+
+
 class _Tried(NamedTuple):
-    """The gains' equations with one running mean, and what folds leave that are held out."""
+    """Equations of the gains with one running mean, and their error on held-out folds (`left`)."""
 
     square: FloatArray
     toward: FloatArray

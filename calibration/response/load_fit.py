@@ -7,7 +7,7 @@ the shape that all share, scaled to it, takes that.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -205,19 +205,23 @@ def _mean_seconds(
     shifts: Sequence[FloatArray], span: FloatArray,
 ) -> float:  # fmt: skip
     """The running mean [s] with the least error on held-out stretches of a few taxels."""
-    best, least = MEAN_SECONDS, np.inf
-    for seconds in MEANS:
-        left = 0.0
-        for one, reference, shift in zip(evidence, wanted, shifts, strict=True):
-            own = np.flatnonzero(told & _felt(one, len(told)))
-            own = own[:: max(1, len(own) // TRIED)][:TRIED]
-            rows = slice(0, MOST_ROWS)
-            few = Pressed(one.name, one.samples[rows][:, own], one.rate, one.reference)
+    left, rows = dict.fromkeys(MEANS, 0.0), slice(0, MOST_ROWS)
+    for one, reference, shift in zip(evidence, wanted, shifts, strict=True):
+        own = np.flatnonzero(told & _felt(one, len(told)))
+        own = own[:: max(1, len(own) // TRIED)][:TRIED]
+        few = Pressed(one.name, one.samples[rows][:, own], one.rate, one.reference)
+        for seconds in MEANS:
             sums = _sums(few, reference[rows], (rest + shift)[own], span[own], seconds)
             whole = Sums(*(values.sum(axis=0) for values in _each(sums)))
-            left += sum(_left_out("hysteresis", sums, whole, k) for k in range(len(own)))
-        if left < BETTER * least:
-            best, least = seconds, left
+            left[seconds] += sum(_left_out("hysteresis", sums, whole, k) for k in range(len(own)))
+    return best_mean(left)
+
+
+def best_mean(left: Mapping[float, float]) -> float:
+    """The running mean [s] with the least error; of about the same errors the longer one."""
+    best = MEAN_SECONDS
+    for seconds, error in left.items():
+        best = seconds if error < BETTER * left[best] else best
     return best
 
 

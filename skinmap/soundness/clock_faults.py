@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from skinmap.clock_lines import align
+from skinmap.clock_lines import UNEXPLAINED, align
 from skinmap.errors import InvalidArrayError
 from skinmap.soundness.finding import Finding, finding
 from skinmap.soundness.survey import Survey
 
 AWAY = 3.0  # rows by which the clocks must differ somewhere
-UNCLEAR = 0.25  # share of the reference that the best line leaves open
 
 
 def clock_faults(survey: Survey, step: float) -> list[Finding]:
@@ -33,7 +32,7 @@ def clock_faults(survey: Survey, step: float) -> list[Finding]:
     except InvalidArrayError:
         return []
     first = lines[0]
-    if first.unexplained > UNCLEAR:
+    if first.unexplained > UNEXPLAINED:
         text = "The reference fits no part of the skin: it may belong to another recording."
         return [finding("clocks", text, confidence=0.5, harm=0.2)]
     # From rows at the skin's rate back to rows of the reference as it was recorded.

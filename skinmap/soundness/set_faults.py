@@ -17,7 +17,7 @@ CHANCE = 0.001  # of a leak that is none
 SHARED = 40  # rows in a row that two recordings must share
 TRACE = 60  # samples in a row that two references must share
 MOST_LABELS = 2000
-TREES, PIECES = 200, 12  # that vote on labels; of a touch, whose course they see
+TREES, STAGES = 200, 12  # that vote on labels; stages of a touch, whose course they see
 CLEAR = 0.8  # share of the touches that keep their label
 SURELY, FEW = 0.45, 0.5  # votes for another label beyond its own, and more of few touches
 
@@ -188,11 +188,10 @@ def _features(survey: Survey, own: IntArray, bad: NDArray[np.bool_]) -> list[flo
     strong = np.maximum(survey.response[cells][:, good], 0.0)
     wide = survey.touched[cells][:, good].sum(axis=1)
     sign = 1.0 if survey.rising else -1.0
-    rest = (survey.mean - survey.response * sign)[cells[0], good]
-    pieces = np.array_split(own, min(len(own), PIECES))
+    rest = survey.mean[cells[0], good] - survey.response[cells[0], good] * sign
     values = np.nan_to_num(survey.track.values[own][:, good].astype(np.float64))
-    starts = np.cumsum([0] + [len(one) for one in pieces[:-1]])
-    felt = np.add.reduceat(values, starts) / np.array([len(one) for one in pieces])[:, None]
+    starts = np.linspace(0, len(own), min(len(own), STAGES), endpoint=False).astype(int)
+    felt = np.add.reduceat(values, starts) / np.diff(np.append(starts, len(own)))[:, None]
     felt = np.maximum((felt - rest) * sign, 0.0)
     felt[felt <= survey.floor[good]] = 0.0
     course = felt.sum(axis=1) / max(float(felt.sum(axis=1).max()), 1e-12)

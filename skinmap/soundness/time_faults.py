@@ -272,10 +272,9 @@ def _restarts(times: FloatArray, step: float) -> list[int]:
 
 def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Finding]:
     """Gaps, bursts and scattered stamps of rows that are in order."""
-    gaps: list[list[int]] = []
+    gaps: list[tuple[int, int, int]] = []  # row before, row after, rows missing
     bursts: list[list[int]] = []
-    sizes: list[tuple[int, list[int]]] = []
-    lost, scatter, scattered = 0, [], []
+    scatter, scattered = [], []
     for own in pieces:
         if len(own) < 3:
             continue
@@ -289,10 +288,7 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
         for a, b in runs:
             inside[a : b + 1] = True
         bursts += [[int(own[a]), int(own[b])] for a, b in runs]
-        for a, b, missing in _gaps(times[own], inside, step):
-            gaps.append([int(own[a]), int(own[b])])
-            lost += missing
-            sizes.append((missing, gaps[-1]))
+        gaps += [(int(own[a]), int(own[b]), n) for a, b, n in _gaps(times[own], inside, step)]
         off = _scatter(times[own], inside, step)
         scatter.append(off)
         scattered.append(own)
@@ -301,21 +297,20 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
         _stamps(np.concatenate(scatter), np.concatenate(scattered), times, step) if scatter else []
     )
     if any(one.rows is None for one in stamps):  # of such times a burst is a part
-        bursts, big = [], [one for one in sizes if one[0] >= 4]
-        gaps, lost = [one[1] for one in big], sum(one[0] for one in big)
-    slow = _slower(gaps, times, step)
-    for first, last, rate in slow:
+        bursts, gaps = [], [one for one in gaps if one[2] >= 4]
+    for first, last, rate in _slower(gaps, times, step):
         text = f"Rows {first} to {last} come at {rate:.3g} Hz, most others at {1 / step:.3g} Hz."
         stamps.append(finding("stamps", text, rows=[[first, last]], times=times, confidence=0.9))
         gaps = [one for one in gaps if not first <= one[0] < last]
-        lost = sum(one[0] for one in sizes if one[1] in gaps)
     if gaps:
+        lost = sum(one[2] for one in gaps)
         found.append(
             finding(
                 "lost",
                 f"{lost} rows are missing in {len(gaps)} gap{'s' if len(gaps) > 1 else ''}: "
                 "motion across a gap is wrong by as much.",
-                rows=sorted(gaps), times=times, harm=0.6 if lost > 1 else 0.4,
+                rows=[[a, b] for a, b, _ in sorted(gaps)], times=times,
+                harm=0.6 if lost > 1 else 0.4,
             )
         )  # fmt: skip
     if bursts:
@@ -331,7 +326,9 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
     return found + stamps
 
 
-def _slower(gaps: list[list[int]], times: FloatArray, step: float) -> list[tuple[int, int, float]]:
+def _slower(
+    gaps: list[tuple[int, int, int]], times: FloatArray, step: float
+) -> list[tuple[int, int, float]]:
     """Rows (first, last) that come evenly at a lower rate [Hz], no whole part of the usual one."""
     begins = np.array(sorted(one[0] for one in gaps), np.int64)
     found = []

@@ -395,7 +395,7 @@ def test_exchanged_labels_are_named_and_others_are_not():
     assert named >= 7  # of 8
 
 
-def test_offsets_of_sessions_are_no_drift_and_a_drift_is_no_offset_of_sessions():
+def test_offsets_of_sessions_and_a_drift_are_told_apart():
     made, spans = labelled(np.random.default_rng(1))
     values = made.values.copy()
     row = np.arange(len(values))
@@ -409,7 +409,7 @@ def test_offsets_of_sessions_are_no_drift_and_a_drift_is_no_offset_of_sessions()
     assert found.kind == "drift"
 
 
-def test_another_rate_from_a_row_on_is_one_finding_and_every_second_row_lost_is_not_that():
+def test_another_rate_is_one_finding_and_lost_rows_stay_lost():
     rng = np.random.default_rng(7)
     values = np.rint(40.0 + 100.0 * pokes(rng, rows=3000) + rng.normal(0.0, 1.0, (3000, 100)))
     even = np.arange(3000) / 50

@@ -43,6 +43,7 @@ class Judged(NamedTuple):
     away_deg: float
     area_error: float
     area_holds: float
+    bounds_hold: float  # of the area by counts alone
     whole: bool  # whether its heaviest moment lies within the calibrated range
 
 
@@ -156,7 +157,7 @@ def _judge(
     forces: PartForces,
 ) -> Judged:
     """Our answer at the heaviest moment within range, which the readings alone choose."""
-    from skinmap.touch.contacts.skin_geometry import ACTIVE
+    from skinmap.touch.contacts.skin_geometry import ACTIVE, find_contacts
 
     inside: BoolArray = np.asarray((counts < SATURATED).all(axis=1))
     sums = np.where(inside, counts.sum(axis=1), -1.0)
@@ -170,22 +171,24 @@ def _judge(
     truth, push = float(pressed.forces[moment]), pressed.vectors[moment]
     if answer.refused or truth <= 0.0:
         nan = float("nan")
-        return Judged(part, body, truth, nan, nan, nan, nan, nan, nan, nan, whole)
+        return Judged(part, body, truth, nan, nan, nan, nan, nan, nan, nan, nan, whole)
     cosine = -answer.normal @ push / max(float(np.linalg.norm(push)), 1e-12)
     away = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
     force, low, high = answer.force
     plain = float(np.where(above > ACTIVE, pressure, 0.0) @ forces.areas)
     covered = cell * np.count_nonzero(pressed.loads[moment])
     area, least, most = answer.area
-    judged = abs(area / covered - 1.0), float(least <= covered <= most)
+    found = find_contacts(forces.skin.geometry, np.maximum(above, 0.0))
+    bounds = sum(one.area_least for one in found) <= covered <= sum(one.area for one in found)
+    judged = abs(area / covered - 1.0), float(least <= covered <= most), float(bounds)
     return Judged(part, body, truth, force, low, high, plain, away, *judged, whole)
 
 
 def row(name: str, judged: Sequence[Judged]) -> ForceRow:
     """Errors of some touches; null where all were refused."""
-    values = np.array([one[2:10] for one in judged])
+    values = np.array([one[2:11] for one in judged])
     values = values[np.isfinite(values[:, 1])]
-    truth, force, low, high, plain, away, area, area_holds = values.T
+    truth, force, low, high, plain, away, area, area_holds, bounds = values.T
     error = np.abs(force / truth - 1.0)
 
     def share(own: FloatArray | BoolArray, middle: Callable[..., Any] = np.median) -> float | None:
@@ -205,6 +208,7 @@ def row(name: str, judged: Sequence[Judged]) -> ForceRow:
         holds=share((low <= truth) & (truth <= high), np.mean),
         area_error_median=share(area),
         area_holds=share(area_holds, np.mean),
+        bounds_hold=share(bounds, np.mean),
     )
 
 
@@ -220,7 +224,8 @@ def lines(result: ForceResult) -> Iterator[str | Table]:
         "name= touches judged beyond:%=beyond_range force_n_median:.1f=median_[N] bias:% "
         "error_median:%=error,_median error_p95:%=95_% plain_error_median:%=plain_areas "
         "direction_deg_median:.1f=direction_[deg] holds:%=inside_the_interval "
-        "area_error_median:%=error_of_area area_holds:%=area_inside",
+        "area_error_median:%=error_of_area area_holds:%=area_inside "
+        "bounds_hold:%=least_to_most",
     )
     yield "each touch is judged at its heaviest moment within the calibrated range"
     yield "plain areas: the control, median error of pressures times the areas of active taxels"

@@ -19,6 +19,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import SkinMismatchError
 from skinmap.geometry.triangles import unit
 from skinmap.physics.spring_bed import spring_bed
+from skinmap.touch.contacts.skin_geometry import HARD
 from skinmap.touch.load_calibration import NORMAL_90
 from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -28,10 +29,10 @@ HELD = 0.3  # how strongly weights are held to plain areas
 # exact. Of touches by the tuned variants of MuJoCo; `evaluate --protocol force` judges by another.
 BETWEEN = 0.22
 TOO_LIGHT = "too light for a force"
-# Shares of the peak above which taxels are covered at least and at most. Of touches by the tuned
+# Taxels above `HARD` and above `FELT` of the peak bound the covered skin. Of touches by the tuned
 # variants of MuJoCo on two parts 98 % cover more than `LESS` of the first and 94 % less than `MORE`
 # of the second; `evaluate --protocol force` judges by another variant on other parts.
-HARD, FELT, LESS, MORE = 0.5, 0.05, 0.75, 1.2
+FELT, LESS, MORE = 0.05, 0.75, 1.2
 # A contact whose pressure falls off as that of two round bodies covers 9/8 of the square of the
 # sum through the sum of the squares (Johnson, "Contact Mechanics", 1985, 3.4).
 ROUND = 9.0 / 8.0

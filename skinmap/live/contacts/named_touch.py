@@ -58,7 +58,7 @@ class NamedTouch(_Answered):
     normal : (3,) float or None
         Mean outward direction of the touched skin, unit length, in the link's frame.
     area, area_least : float
-        Skin that feels the touch, and what it covers of this at least [m2].
+        Skin that feels the touch, and the least of it that is covered [m2].
     peak, mean : float
         Largest and mean pressure of its taxels [counts].
     force : float or None
@@ -158,7 +158,7 @@ class TouchEvent(_Answered):
     began, ended : float
         Its first and last sample, in the source's clock [s].
     area, area_least : float
-        Skin that felt the touch at most, and what it covered at least, both at their largest [m2].
+        Skin that felt the touch, and the least of it that was covered, both at their largest [m2].
     peak : float
         Largest pressure of a taxel [counts].
     path_length : float

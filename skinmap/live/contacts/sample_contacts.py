@@ -32,7 +32,7 @@ class Measured:
     normal : (c, 3) float
         Mean outward direction, weighted by pressure, unit length.
     area, area_least : (c,) float
-        Sum of the taxels' areas, and what is covered of it at least [m2].
+        Sum of the taxels' areas, and the least of it that is covered [m2].
     load, peak, mean : (c,) float
         Sum, largest and mean of the pressures [counts].
     force : (c,) float or None

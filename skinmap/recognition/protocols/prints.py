@@ -215,8 +215,7 @@ def fit_areas(spots: Spots, prints: Prints, person: IntArray) -> AreaModel:
     ends = _ends(error) * _widening(error, person[good])
     area = _areas().fit(features, truth + middle)
     offset = _squares().fit(spots.places[good], prints.centre_mm[good] - spots.centre_mm[good])
-    below, above = (ends - middle).tolist()
-    return AreaModel(area, offset, below, above)
+    return AreaModel(area, offset, *(ends - middle).tolist())
 
 
 def _ends(error: FloatArray) -> FloatArray:

@@ -800,6 +800,8 @@ class ForceRow:
         touches.
     area_holds
         Share of these areas inside their interval; null without judged touches.
+    bounds_hold
+        Share of them between the least and the most by counts alone; null without judged touches.
     """
 
     name: str
@@ -815,6 +817,7 @@ class ForceRow:
     holds: float | None
     area_error_median: float | None
     area_holds: float | None
+    bounds_hold: float | None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

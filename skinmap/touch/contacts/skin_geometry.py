@@ -253,7 +253,7 @@ class Contact(Summary):
     centre : (3,) float
         Mean of their positions, each weighted by its pressure, in the link's frame [m].
     area, area_least : float
-        The skin under them, which feels the contact, and what it covers of this at least [m2].
+        Skin under them, which feels the contact, and the least of it that is covered [m2].
     peak, mean : float
         Largest and mean pressure [counts].
     load : ContactForce or None
@@ -266,7 +266,7 @@ class Contact(Summary):
     peak: float
     mean: float
     load: ContactForce | None = None
-    area_least: float = 0.0
+    area_least: float = float("nan")
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""

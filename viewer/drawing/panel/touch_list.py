@@ -163,7 +163,7 @@ def covered(touch: NamedTouch) -> str:
     if touch.load is not None and not touch.load.refused:
         _, least, most = touch.load.area
     ends = [f"{1e6 * end:,.0f}" for end in (least, most) if known(end)]
-    return " to ".join(ends) + " mm\N{SUPERSCRIPT TWO}"
+    return "\N{EN DASH}".join(ends) + " mm\N{SUPERSCRIPT TWO}"
 
 
 def answered(touch: NamedTouch) -> list[str]:
