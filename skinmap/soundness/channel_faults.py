@@ -14,6 +14,7 @@ SURE = 16.0  # changes that a stretch without any should have had
 MODULE, DEAD_MODULE = 3, 6  # channels that hang together for a while, or always
 TOGETHER = 0.8  # share of their rows in which channels that hang together both stand still
 MANY = 20  # findings of the same kind, or pairs of channels
+SAME = 0.3  # steps between two means of the same level
 HELD = 0.9  # confidence in a channel that stands still under load
 NOISY = 4.0  # times the noise of the others
 KINDS = 6  # values that a channel must take before its step is judged
@@ -253,17 +254,20 @@ def _stops(
         length = last - first + 1
         if length < 3 or length * survey.cell < max(40, 0.03 * survey.count):
             continue
-        asked = usable.copy()
-        asked[max(first - 1, 0) : last + 2] = False
-        outside = changes[asked]
+        # Noise around a rest below the least value of a type is cut off there, and rare.
+        cut = survey.track.values.dtype.kind == "u" and own[first + 1] == 0
+        apart = np.ones(len(changes), bool)
+        apart[max(first - 1, 0) : last + 2] = False
+        # Noise of less than a step shows at some levels only: cells at the same one are asked.
+        same = apart & (np.abs(own - own[first + 1]) < SAME * survey.quantum)
+        fine = survey.noise[channel] < 0.5 * survey.quantum and not cut
+        outside = changes[same if fine and same.sum() >= 8 else apart & usable]
         if len(outside) < 8:
             outside = np.zeros(8)
         window = int(np.clip(length // 2, 2, len(outside) // 2))
         total = np.cumsum(np.concatenate([[0.0], outside]))
         calmest = float((total[window:] - total[:-window]).min() / window)
         expected = calmest * length * survey.cell
-        # Noise around a rest below the least value of a type is cut off there, and rare.
-        cut = survey.track.values.dtype.kind == "u" and own[first + 1] == 0
         if expected > SURE:
             found.append((first, last, CUT if cut and expected < FAR * SURE else 0.99))
         elif far[first : last + 1].all() and length > 3 * max(holds, 3):
@@ -501,6 +505,10 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         wild &= np.abs(survey.follows) * own < 0.9 * np.hypot(own, level)
     found = []
     always = np.flatnonzero(wild.mean(axis=0) >= 0.75)
+    # A load that is held for long trembles.
+    lowest = np.percentile(survey.mean, 5.0 if survey.rising else 95.0, axis=0)
+    held = [np.abs(np.median(survey.mean[own], axis=0) - lowest) > survey.floor for own in pieces]
+    wild &= ~np.array(held) | (wild.mean(axis=0) >= 0.75)
     some = np.flatnonzero((wild.mean(axis=0) < 0.75) & (wild.sum(axis=0) >= 2))
     if len(always) and len(always) < 0.4 * survey.width:
         bad[always] = True
@@ -522,7 +530,7 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
 def _sign(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Channels that fall where the others rise."""
     lively = ~survey.constant & ~bad
-    if lively.sum() < 4:
+    if lively.sum() < 4 or survey.two_sided:
         return []
     sign = 1.0 if survey.rising else -1.0
     low, high = np.percentile(survey.fast * sign, (0.5, 99.5), axis=0)
@@ -541,7 +549,13 @@ def _sign(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     if survey.calm.any():  # the level is that of the untouched channel
         at_rest = np.median(survey.mean[survey.calm] * sign, axis=0)
         deep &= np.abs(at_rest - level) < 0.25 * (level - low)
-    channels = np.flatnonzero(turned | (lively & steady & deep))
+    which = turned | (lively & steady & deep)
+    # What is loaded for most of the time falls with others, what is turned against them.
+    course = survey.mean - survey.mean.mean(axis=0)
+    course /= np.maximum(np.linalg.norm(course, axis=0), 1e-12)
+    alike = course[:, which].T @ course[:, lively & ~which]
+    against = -alike.min(axis=1, initial=0.0) >= alike.max(axis=1, initial=0.0)
+    channels = np.flatnonzero(which)[against]
     if len(channels) == 0 or len(channels) > 0.4 * lively.sum():
         return []
     bad[channels] = True

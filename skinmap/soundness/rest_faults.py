@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,8 @@ from skinmap.soundness.survey import PIECES, USUAL, Survey
 
 STEP = 0.65  # share of the whole change that happens at one place: a step, not a drift
 BETWEEN = 8.0  # percentile of a short piece's cells: touches leave it at rest for moments only
+HELD, BEYOND = 90.0, 3.0  # percentile of how far levels come back, and how much farther rest moves
+INNER = 0.1  # share of a drift that is seen without the first and the last piece
 ALL = 0.6  # share of the channels from which it is the whole skin
 
 
@@ -26,42 +29,41 @@ def rest_faults(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     level = _without_spikes(level[:, lively])
     if survey.loaded:
         return _before_and_after(survey, lively)
-    change = np.diff(level, axis=0)
-    total = level[-1] - level[0]
-    reach = level.max(axis=0) - level.min(axis=0)
-    rough = np.abs(change).sum(axis=0)
-    span = np.median((survey.high.max(axis=0) - survey.low.min(axis=0))[lively])
-    scatter = survey.noise[lively] / np.sqrt(survey.cell)
-    limit = np.maximum.reduce(
-        [
-            6.0 * scatter,
-            np.full(len(lively), 1.2 * survey.quantum),
-            np.full(len(lively), 0.05 * span),
-        ]
+    span = float(np.median((survey.high.max(axis=0) - survey.low.min(axis=0))[lively]))
+    least = np.maximum(
+        6.0 * survey.noise[lively] / np.sqrt(survey.cell), max(1.2 * survey.quantum, 0.05 * span)
     )
-    moved = (reach > limit) & (rough < 1.8 * reach) & (np.abs(total) > 0.6 * reach)
-    if not moved.any():
-        return []
-    jumps = np.abs(change)
-    pair = jumps[:-1] + jumps[1:]
-    begin, end = np.median(level[:3], axis=0), np.median(level[-3:], axis=0)
-    sudden = (
-        moved
-        & (np.abs(end - begin) > limit)
-        & (pair.max(axis=0) > STEP * np.abs(total))
-        & _stays(pair)
-    )
+    # Loads that are held hide a drift of all in each channel, not in most of them.
+    common = _moves(np.median(level, axis=1, keepdims=True), np.median(least))
+    slow, sudden = common if np.any(common) else _moves(level, least)
+    slow, sudden = (np.broadcast_to(one, len(lively)) for one in (slow, sudden))
     found = []
-    gradual = lively[moved & ~sudden]
+    gradual = lively[slow]
     if len(gradual):
         whole = len(gradual) > ALL * len(lively)
-        most = float(np.median(np.abs(total[moved & ~sudden])))
+        most = float(np.median(np.abs(level[-1] - level[0])[slow]))
         who = "The whole skin drifts" if whole else subject(gradual, "drifts", "drift")
         text = f"{who} by {most:.3g} from begin to end."
         found.append(finding("drift", text, channels=None if whole else gradual, confidence=0.9))
     if sudden.any():
         found.append(_step(survey, lively, np.flatnonzero(sudden), level))
     return found
+
+
+def _moves(level: FloatArray, least: Any) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """Channels (n,) of which levels (p, n) drift by at least so much, and of which they step."""
+    change = np.diff(level, axis=0)
+    total = np.abs(level[-1] - level[0])
+    reach = np.ptp(level, axis=0)
+    rough = np.abs(change).sum(axis=0)
+    # A skin that is seldom at rest (a glove, a mat) shows the loads that it holds.
+    limit = np.maximum(least, BEYOND * np.percentile((rough - total) / 2.0, HELD))
+    moved = (reach > limit) & (rough < 1.8 * reach) & (total > 0.6 * reach)
+    pair = np.abs(change[:-1]) + np.abs(change[1:])
+    apart = np.abs(np.median(level[-3:], axis=0) - np.median(level[:3], axis=0))
+    sudden = moved & (apart > limit) & (pair.max(axis=0) > STEP * total) & _stays(pair)
+    # A load that is held at the begin or at the end moves one piece only.
+    return moved & ~sudden & (np.ptp(level[1:-1], axis=0) > INNER * reach), sudden
 
 
 def _without_spikes(level: FloatArray) -> FloatArray:

@@ -19,6 +19,8 @@ PIECES = 12  # of a recording, each with a rest of its own
 BLOCK = 2**21  # values that are looked at together: they stay in the processor's cache
 SIGMA_OF_SECOND = 0.5117  # of normal noise, per mean absolute second difference: sqrt(pi / 2 / 6)
 TOUCHED = 6.0  # deviations of its noise from which a channel counts as touched
+BOTH, AXES = 0.3, 0.3  # of the larger swing, and of the channels that swing so: axes of a force
+AT_REST = 0.35  # share of its cells near its median
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +87,11 @@ class Survey:
     @cached_property
     def fast(self) -> FloatArray:
         """(k, n) Deviation of each cell from the running median of its channel."""
-        pieces = np.array_split(np.arange(len(self.mean)), min(PIECES, len(self.mean)))
+        return self._away(PIECES)
+
+    def _away(self, several: int) -> FloatArray:
+        """(k, n) Deviation of each cell from medians of some pieces."""
+        pieces = np.array_split(np.arange(len(self.mean)), min(several, len(self.mean)))
         middle = np.array([np.median(self.mean[own], axis=0) for own in pieces])
         return self.mean - self._between(middle)
 
@@ -125,6 +131,21 @@ class Survey:
         return bool(np.nansum(reach + begin) >= 0)
 
     @cached_property
+    def two_sided(self) -> bool:
+        """Whether loads move channels either way: axes of a force or of a magnetic field."""
+        lively = ~self.constant
+        # A long touch turns medians of short pieces, a drift those of long ones.
+        courses = [self._away(several)[:, lively] for several in (PIECES, 4, 1)]
+        ends = [np.percentile(one, (0.5, 99.5), axis=0) for one in courses]
+        low, high = np.min(np.abs(ends), axis=0)
+        less, more = np.minimum(low, high), np.maximum(low, high)
+        swings = more > self.floor[lively]
+        both = swings & (less > BOTH * more) & (less > self.floor[lively])
+        # Loads that are held for long leave no level that a channel comes back to.
+        both &= (np.abs(courses[-1]) < self.floor[lively]).mean(axis=0) > AT_REST
+        return bool(not self.uniform and both.sum() > max(AXES * swings.sum(), 3))
+
+    @cached_property
     def quantum(self) -> float:
         """Smallest step between values of most channels; 0 for values that are not discrete."""
         steps = self.steps[(self.steps > 0) & ~self.constant]
@@ -159,7 +180,7 @@ class Survey:
     @cached_property
     def rest(self) -> FloatArray:
         """(n,) Level of each channel at rest: the calm side of its cells."""
-        share = 25.0 if self.rising else 75.0
+        share = 50.0 if self.two_sided else 25.0 if self.rising else 75.0
         return np.asarray(np.percentile(self.mean, share, axis=0), np.float64)
 
     @cached_property
@@ -184,7 +205,7 @@ class Survey:
     def levels_at(self, share: float) -> FloatArray:
         """(p, n) The same at a percentile of the cells of each piece, from the calm side."""
         pieces = np.array_split(np.arange(len(self.mean)), min(PIECES, len(self.mean)))
-        share = share if self.rising else 100.0 - share
+        share = 50.0 if self.two_sided else share if self.rising else 100.0 - share
         level = np.array([np.percentile(self.mean[own], share, axis=0) for own in pieces])
         if not self.short:
             return level
@@ -232,13 +253,16 @@ class Survey:
         sign = 1.0 if self.rising else -1.0
         steady = self.loaded or len(self.mean) < 3 * PIECES
         rest = self.rest[None] if steady else self._between(self.levels)
-        return ((self.mean - rest) * sign).astype(np.float32)
+        found = ((self.mean - rest) * sign).astype(np.float32)
+        return np.abs(found) if self.two_sided else found
 
     @cached_property
     def touched(self) -> NDArray[np.bool_]:
         """(k, n) Whether a channel is touched in a cell."""
         far = self.response > self.floor
         peak = (self.high - self.mean) if self.rising else (self.mean - self.low)
+        if self.two_sided:
+            peak = np.maximum(peak, self.mean - self.low)
         return np.asarray(far | (self.response + peak > 1.5 * self.floor))
 
     @cached_property

@@ -521,3 +521,52 @@ def test_two_exchanged_wires_are_named_and_sound_ones_are_not(swapped):
     own = examine_track(Track("wires", values, made.times, places=skin.positions))[0].findings
     found = [one.channels for one in own if one.kind == "wiring"]
     assert found == ([sorted(swapped)] if swapped else [])
+
+
+def test_axes_that_swing_both_ways_are_no_turned_signs():
+    rng = np.random.default_rng(3)
+    values = rng.normal(0, 2, (5400, 48)) + rng.normal(0, 300, 48)
+    at = 0
+    while at < 5300:
+        rows = int(rng.integers(30, 240))
+        if rng.random() < 0.7:
+            rise = np.sin(np.pi * np.arange(rows) / rows)[: 5400 - at, None]
+            middle = int(rng.integers(2, 14))
+            values[at : at + rows, 3 * middle - 6 : 3 * middle + 9] += rise * rng.normal(0, 150, 15)
+        at += rows
+    clean = Track("magnetic", values.round(), np.arange(5400) / 60)
+    assert examine_track(clean)[0].findings == []
+    drifting = values + np.linspace(0, 200, 5400)[:, None] * (np.arange(48) == 17)
+    found = examine_track(replace(clean, values=drifting.round()))[0].findings
+    assert [(one.kind, one.channels) for one in found] == [("drift", [17])]
+
+
+def glove(seed: int) -> Track:
+    """Two minutes of objects that are held for seconds each, with hardly a moment of rest."""
+    rng = np.random.default_rng(seed)
+    places = np.column_stack(np.divmod(np.arange(120), 12)).astype(float)
+    load = np.zeros((3000, 120))
+    at = 0
+    while at < 3000:
+        rows = int(rng.integers(40, 200))
+        middles, widths = places[rng.integers(0, 120, 4)], rng.uniform(1, 3, 4)
+        away = ((places[:, None] - middles) ** 2).sum(axis=2) / widths**2
+        tremble = 1 + 0.03 * np.cumsum(rng.normal(0, 1, len(load[at : at + rows])))
+        load[at : at + rows] = np.outer(tremble.clip(0.3), np.exp(-away / 2) @ rng.random(4))
+        at += rows
+    values = 800 + 900 * load + rng.normal(0, 3, load.shape)
+    return Track("glove", values.round(), np.arange(3000) / 25)
+
+
+def test_loads_that_are_held_are_neither_drift_nor_noise_nor_another_rest():
+    several = [glove(seed) for seed in range(8)]
+    kinds = [{one.kind for one in examine_track(track)[0].findings} for track in several]
+    accused = [own for own in kinds if {"drift", "rest", "noisy", "stuck", "sign"} & own]
+    assert len(accused) <= 2  # all of them before
+    drifting = [
+        replace(one, values=one.values + np.linspace(0, 800, 3000)[:, None].round())
+        for one in several
+    ]
+    whole = [examine_track(one)[0].findings for one in drifting]
+    named = [any(one.kind == "drift" and one.channels is None for one in own) for own in whole]
+    assert sum(named) >= 6
