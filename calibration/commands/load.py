@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,10 +16,15 @@ from calibration.commands.results import Calibrated, Spread, judged
 from skinmap.commands.options import Number, prints
 from skinmap.commands.progress import progress
 from skinmap.errors import DataFormatError, SkinMismatchError
+from skinmap.rows import percent
 from skinmap.summary import first_few
 
 if TYPE_CHECKING:
+    from calibration.response.area_by_prints import PrintFit
     from calibration.response.load_fit import LoadFit, Pressed
+    from skinmap.io.recordings.load_evidence import LoadEvidence
+    from skinmap.skin.skin import Skin
+    from skinmap.touch.load_calibration import LoadCalibration
 
 MAX_NAMED = 40  # taxels left out that words name
 DRAWN = 40  # points of a curve
@@ -77,6 +82,12 @@ class LoadResult(Calibrated):
         A line or more for each recording.
     area_mm2
         Area of a taxel; null where none was given.
+    prints
+        Touches with a known print; null without any.
+    spread_mm
+        Of a pressure through the foam, standard deviation; null without prints.
+    print_error
+        Median error of the area of a print by the others; null without prints.
     fingerprint
         Of the skin; empty without `--part`.
     seconds
@@ -98,6 +109,9 @@ class LoadResult(Calibrated):
     top_bar: float
     clocks: list[ClockRow]
     area_mm2: float | None
+    prints: int | None
+    spread_mm: float | None
+    print_error: float | None
     fingerprint: str
     seconds: float
     files: list[str] = field(default_factory=list)
@@ -118,8 +132,10 @@ def load(output: Outputs, **given: Any) -> None:
     clock: `pressure_bar`, `pressure_kpa` or `pressure_pa (u,)` of a chamber or a bag, `mass_kg`
     (with `footprint (k,)`: channels it lies on), `stand` (kilograms of a person who stands on all),
     `force_n` of a load cell on `channels (k,)`, or `wrench (u, 6)` of a sensor behind the skin, in
-    the frame of its link (needs --part). `reference_times (u,)` may be absent where both
-    have the same nominal rate. CSV: a column `time`, one reference, every other column a channel.
+    the frame of its link (needs --part). A file of `prints (k,)` [mm2] beside it, with the touch
+    of each row in `events (t,)`, teaches areas (needs --part). `reference_times (u,)` may be absent
+    where both have the same nominal rate. CSV: a column `time`, one reference, every other column
+    a channel.
 
     \b
     Example:  skinmap calibrate load calibration.npz -o load
@@ -141,13 +157,18 @@ def work(
     """Fit the pressures of a skin."""
     from calibration.response.load_by_wrench import fit_wrench
     from calibration.response.load_fit import fit_load
+    from skinmap.io.recordings.load_evidence import PRINTS, read_evidence
     from skinmap.skin.skin import fingerprint
 
-    pressed = [_pressed(path, area_mm2) for path in evidence]
-    counts = [one.samples.shape[1] for one in pressed]
+    held = [read_evidence(path) for path in evidence]
+    counts = [one.samples.shape[1] for one in held]
     for path, count in zip(evidence, counts, strict=True):
         if count != counts[0]:
             raise SkinMismatchError(f"{path} has {count} channels, {evidence[0]} {counts[0]}")
+    loads = [(one, path) for one, path in zip(held, evidence, strict=True) if one.kind != PRINTS]
+    if not loads:
+        raise DataFormatError("prints teach areas: a file with a known load is needed", evidence[0])
+    pressed = [_pressed(one, path, area_mm2) for one, path in loads]
     skin = skin_of(robot, part, counts[0])
     marks = "" if skin is None else fingerprint(skin)
     start = time.process_time()
@@ -162,6 +183,10 @@ def work(
     else:
         area = float("nan") if area_mm2 is None else area_mm2
         fit = fit_load(pressed, when=when, area_mm2=area, fingerprint=marks)
+    printed = [one for one in held if one.kind == PRINTS]
+    prints = _printed(printed, fit.calibration, skin) if printed else None
+    if prints is not None:
+        fit = replace(fit, calibration=replace(fit.calibration, covering=prints.covering))
     seconds = time.process_time() - start
     found = fit.calibration
     result = LoadResult(
@@ -190,18 +215,34 @@ def work(
             for line in lines
         ],
         area_mm2=area_mm2,
+        prints=None if prints is None else prints.prints,
+        spread_mm=None if prints is None else 1e3 * prints.covering.spread,
+        print_error=None if prints is None else prints.error,
         fingerprint=marks,
         seconds=seconds,
     )
     return result, fit, pressed
 
 
-def _pressed(path: Path, area_mm2: float | None) -> Pressed:
+def _printed(held: list[LoadEvidence], calibration: LoadCalibration, skin: Skin | None) -> PrintFit:
+    """Areas of contacts from prints."""
+    from calibration.response.area_by_prints import Printed, fit_prints
+
+    if skin is None:
+        raise SkinMismatchError(f"{held[0].name}: prints need --part: areas are those of its mesh")
+    several = [
+        Printed(one.name, one.samples, one.times, one.events, 1e-6 * one.reference)
+        for one in held
+        if one.events is not None
+    ]
+    return fit_prints(several, calibration, skin)
+
+
+def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
     """One file as a pressure on its channels."""
     from calibration.response.load_fit import Pressed
-    from skinmap.io.recordings.load_evidence import BAR, FORCES, read_evidence
+    from skinmap.io.recordings.load_evidence import BAR, FORCES
 
-    one = read_evidence(path)
     reference = one.on_nominal_rows()
     if one.kind in FORCES:
         if one.channels is None and one.kind != "stand":
@@ -240,8 +281,17 @@ def _lines(result: LoadResult) -> Iterator[str]:
         f"{result.error_bar.median:.3f} bar (median, held out)"
     )
     yield from (f"clock of {_clock(row)}" for row in result.clocks)
+    if result.prints is not None:
+        yield _areas(result)
     yield f"left out, dead: {_named(result.dead)}"
     yield f"left out, do not follow: {_named(result.stray)}"
+
+
+def _areas(result: LoadResult) -> str:
+    return (
+        f"areas by {result.prints} prints: error {percent(result.print_error)} % (median, each by "
+        f"the others), pressure spreads by {result.spread_mm:.1f} mm"
+    )
 
 
 def _page(fit: LoadFit, pressed: list[Pressed], result: LoadResult) -> str:
@@ -254,6 +304,7 @@ def _page(fit: LoadFit, pressed: list[Pressed], result: LoadResult) -> str:
         *((f"held out, {name}", f"{error:.3f} bar") for name, error in result.held_out_bar.items()),
         ("doubt of a session's zero", f"{result.doubt_bar:.3f} bar"),
         *((f"clock {i + 1}", _clock(row)) for i, row in enumerate(result.clocks)),
+        *([] if result.prints is None else [("areas", _areas(result))]),
         ("left out, dead", _named(result.dead)),
         ("left out, do not follow", _named(result.stray)),
     ]

@@ -19,6 +19,7 @@ from skinmap.errors import InvalidArrayError
 from skinmap.memory_features import FEATURES, MEAN_SECONDS, RADII, MemoryState
 from skinmap.touch.load_calibration import (
     REST_DOUBT,
+    REST_SECONDS,
     SHRINK,
     LoadCalibration,
     calm_rests,
@@ -34,6 +35,7 @@ MOST_ROWS = 20_000  # that ranges of counts are taken from
 FOLDS = 5  # stretches of a recording of which each is held out
 LEAST_SPAN = 3.0  # counts from rest to the top: below it a taxel tells too little
 LEAST_SPREAD = 0.5  # counts: below it a taxel is dead
+AT_REST = 0.05  # share of the range of a load that a reference may stand off at rest
 FULL_ROWS, FULL_RANGE = 0.1, 0.3  # a taxel is saturated that stands still at its end in so many
 # rows while the load goes through so much of its range
 # Ridge a row: of the cubic, the plays and the slow means.
@@ -288,6 +290,14 @@ def _scales(
         width = np.maximum(np.abs(loaded - rest), 1.0) * sign
         level = skin_level(one.samples, told, rest, width)
         before, after = calm_rests(one.samples, level, one.rate)
+        # A load that holds still at an end is no rest.
+        held = np.quantile(known, 0.02) + AT_REST * np.ptp(known)
+        edge = max(2, round(REST_SECONDS * one.rate))
+        first, last = (
+            np.nanmin(np.append(own, np.inf)) for own in (reference[:edge], reference[-edge:])
+        )
+        before = None if np.isfinite(first) and first > held else before
+        after = None if np.isfinite(last) and last > held else after
     recovery = np.zeros(len(rest))
     if before is not None:
         rest = before

@@ -13,7 +13,7 @@ import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -40,10 +40,37 @@ REST_DOUBT = 0.65  # counts that a zero differs between sessions at least, by se
 UNSEEN_DOUBT = 0.5  # counts more where a recording shows no rest before load
 GAIN_BAR = 0.15  # values that a taxel still answers whose gain a session proved wrong
 WANDER_BAR = 0.3  # of a taxel's rest within a session, above which it is not answered
+# A contact whose pressure falls off as that of two round bodies covers 9/8 of the square of the
+# sum through the sum of the squares (Johnson, "Contact Mechanics", 1985, 3.4).
+ROUND = 9.0 / 8.0
+LEAST_COVERED = 0.2  # of pressed taxels, however far pressures spread
 SHRINK = 0.6  # of the error of the best curve without memory: a shared shift below it is doubted
 STILL_COUNTS, STILL_LOADED = 1.5, 0.3  # a taxel is stuck that moves less while others moved so far
 REST_FAR, REST_CALM = 0.12, 0.03  # of a session's range: how far rest may lie up, how far it moves
 REST_SECONDS, REST_MOST = 0.8, 10.0  # of rest that is needed, and that is looked at
+
+
+class Covering(NamedTuple):
+    """How pressures cover areas, by touches whose prints are known.
+
+    Attributes
+    ----------
+    spread : float
+        Standard deviation of a pressure through the foam [m].
+    gain : float
+        Area of a print for that of pressed taxels, less the spread.
+    doubt : float
+        Standard deviation of the logarithm of an area.
+    """
+
+    spread: float
+    gain: float
+    doubt: float
+
+    def area(self, felt: FloatArray | float) -> FloatArray:
+        """What is covered where pressed taxels speak for areas [m2]."""
+        less = ROUND * 4.0 * np.pi * self.spread**2
+        return self.gain * np.maximum(felt - less, LEAST_COVERED * np.asarray(felt))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -78,6 +105,8 @@ class LoadCalibration:
         Of the skin; empty where nobody said.
     mean_s : float
         Running mean of the counts that the weights are for [s].
+    covering : Covering or None
+        What prints taught of areas; None without any.
     """
 
     weights: FloatArray
@@ -94,6 +123,7 @@ class LoadCalibration:
     area_mm2: float = float("nan")
     fingerprint: str = ""
     mean_s: float = MEAN_SECONDS
+    covering: Covering | None = None
 
     def __post_init__(self) -> None:
         n = len(self.rest)
@@ -145,7 +175,10 @@ class LoadCalibration:
                 held: dict[str, Any] = {
                     name: np.asarray(arrays[name], np.float64) for name in ARRAYS
                 }
-                found = cls(**held, **{name: kind(head[name]) for name, kind in HEAD.items()})
+                known = {name: kind(head[name]) for name, kind in HEAD.items()}
+                if prints := head.get("covering"):
+                    known["covering"] = Covering(*map(float, prints))
+                found = cls(**held, **known)
         except DAMAGED_ARCHIVE as error:
             if isinstance(error, DataFormatError):
                 raise
@@ -160,6 +193,7 @@ class LoadCalibration:
     def to_bytes(self) -> bytes:
         """The file that `read` takes."""
         head = {"format": FORMAT} | {name: getattr(self, name) for name in HEAD}
+        head["covering"] = self.covering
         arrays: dict[str, Any] = {name: getattr(self, name) for name in ARRAYS}
         buffer = io.BytesIO()
         text = np.frombuffer(json.dumps(head).encode(), np.uint8)

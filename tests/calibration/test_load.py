@@ -301,7 +301,7 @@ def test_a_mass_on_its_footprint_is_a_pressure(files, tmp_path):
         ({"samples": np.full((9000, 4), 255)}, (), "no channel moves"),
         ({"pressure_bar": np.random.default_rng(1).uniform(0, 3, 9000)}, (), "do not align"),
         ({"mass_kg": np.linspace(0, 5, 9000)}, ("pressure_bar",), "needs `footprint"),
-        ({"prints": np.ones(3)}, ("pressure_bar",), "prints teach areas"),
+        ({"prints": np.ones(3)}, ("pressure_bar",), "prints need `events (t,)`"),
         ({"pressure_bar": np.linspace(0, 300000, 9000)}, (), "another unit"),
         ({"pressure_bar": np.linspace(0, 44, 9000)}, (), "psi"),
         ({"pressure_bar": np.linspace(0, -3, 9000)}, (), "a load is positive"),

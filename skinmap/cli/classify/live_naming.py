@@ -410,7 +410,7 @@ def _weighing(
     from skinmap.live.contacts.contact_forces import PartForces
     from skinmap.live.response.loads import heaviest_load
 
-    forces = PartForces(skin, calibration.answered)
+    forces = PartForces(skin, calibration.answered, calibration.covering)
     found = calibration.pressures(recording.pressures, recording.times)
     rows = recording.rows()
 

@@ -20,9 +20,7 @@ if TYPE_CHECKING:
 
 PRESSURES = {"pressure_bar": 1.0, "pressure_kpa": 1e-2, "pressure_pa": 1e-5}
 FORCES = {"mass_kg": 9.80665, "stand": 9.80665, "force_n": 1.0}
-LATER = {
-    "prints": "prints teach areas, not pressures: `skinmap evaluate --protocol prints` reads them",
-}
+PRINTS = "prints"  # areas [mm2] of touches, for areas instead of pressures
 WRENCH = "wrench"  # force [N] and moment [N m] of a sensor behind the skin, in the link's frame
 UNITS = {"psi": "bar = psi x 0.0689476", "mmhg": "bar = mmHg x 0.00133322"}
 BAR = 1e-5  # bar in a pascal
@@ -53,6 +51,8 @@ class LoadEvidence:
         [s]; None where the nominal rate is that of the samples.
     channels : (k,) int or None
         Which channels felt it; None for all.
+    events : (t,) int or None
+        Of prints: the touch of each row, -1 for none. Their reference is (k,), one a touch [mm2].
     """
 
     name: str
@@ -62,6 +62,7 @@ class LoadEvidence:
     reference: FloatArray = field(default_factory=lambda: np.zeros(0))
     reference_times: FloatArray | None = None
     channels: IntArray | None = None
+    events: IntArray | None = None
 
     @property
     def rate(self) -> float:
@@ -131,6 +132,8 @@ def _with_reference(
     times: FloatArray,
     path: Path,
 ) -> LoadEvidence:
+    if kind == PRINTS:
+        return _prints(held, samples, times, path)
     if kind == WRENCH:
         reference = _numbers(held, kind, path, "(u, 6), force [N] and moment [N m]", (6,))
     else:
@@ -154,6 +157,26 @@ def _with_reference(
             path,
         )
     return LoadEvidence(path.name, samples, times, kind, reference * scale, own, channels)
+
+
+def _prints(
+    held: dict[str, NDArray[Any]], samples: NDArray[Any], times: FloatArray, path: Path
+) -> LoadEvidence:
+    areas = _numbers(held, PRINTS, path, "areas (k,) [mm2], one a touch of `events`")
+    if "events" not in held:
+        raise DataFormatError("prints need `events (t,)`: the touch of each row, -1 for none", path)
+    events = _numbers(held, "events", path)
+    if len(events) != len(samples):
+        raise DataFormatError(f"{len(events)} events for {len(samples)} samples", path)
+    if (events != np.floor(events)).any() or events.max() >= len(areas) or events.max() < 0:
+        raise DataFormatError(
+            f"events must be whole numbers to {len(areas) - 1}, one for each of {len(areas)} "
+            "prints, and -1",
+            path,
+        )
+    if (areas <= 0).any():
+        raise DataFormatError(f"print {int(np.argmin(areas))} has no area", path)
+    return LoadEvidence(path.name, samples, times, PRINTS, areas, events=events.astype(np.int64))
 
 
 def _messages(path: Path) -> dict[str, NDArray[Any]]:
@@ -239,7 +262,7 @@ def _table(path: Path) -> dict[str, NDArray[Any]]:
         raise DataFormatError(f"{len(names)} columns are named, rows have {values.shape[1]}", path)
     if "time" not in names:
         raise DataFormatError(f"no column 'time'; its columns: {', '.join(names[:12])}", path)
-    known = {*PRESSURES, *FORCES, *LATER, *(n for n in names if _unit(n)), "reference_times"}
+    known = {*PRESSURES, *FORCES, PRINTS, *(n for n in names if _unit(n)), "reference_times"}
     found = {name: values[:, names.index(name)] for name in names if name in known}
     found["times"] = values[:, names.index("time")]
     channels = [i for i, name in enumerate(names) if name not in known and name != "time"]
@@ -253,7 +276,7 @@ def _unit(name: str) -> str:
 
 def _kind(held: dict[str, NDArray[Any]], path: Path, needed: bool) -> str:
     """The name of the one reference."""
-    found = [name for name in (*PRESSURES, *FORCES, WRENCH, *LATER) if name in held]
+    found = [name for name in (*PRESSURES, *FORCES, WRENCH, PRINTS) if name in held]
     if not needed:
         found = [name for name in found if name in PRESSURES]
         return found[0] if len(found) == 1 else ""
@@ -264,12 +287,10 @@ def _kind(held: dict[str, NDArray[Any]], path: Path, needed: bool) -> str:
             )
     if len(found) != 1:
         raise DataFormatError(
-            f"needs one reference of {', '.join((*PRESSURES, *FORCES, WRENCH))}, it has "
+            f"needs one reference of {', '.join((*PRESSURES, *FORCES, WRENCH, PRINTS))}, it has "
             f"{' and '.join(found) or 'none'}; its arrays: {', '.join(held)}",
             path,
         )
-    if found[0] in LATER:
-        raise DataFormatError(LATER[found[0]], path)
     return found[0]
 
 

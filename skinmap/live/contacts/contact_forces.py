@@ -20,7 +20,7 @@ from skinmap.errors import SkinMismatchError
 from skinmap.geometry.triangles import unit
 from skinmap.physics.spring_bed import spring_bed
 from skinmap.touch.contacts.skin_geometry import HARD
-from skinmap.touch.load_calibration import NORMAL_90
+from skinmap.touch.load_calibration import NORMAL_90, ROUND, Covering
 from skinmap.touch.prepared_skin import PreparedSkin
 
 SPREAD = 2.25e-3  # of a pressure through foam, standard deviation [m]
@@ -33,9 +33,6 @@ TOO_LIGHT = "too light for a force"
 # variants of MuJoCo on two parts 98 % cover more than `LESS` of the first and 94 % less than `MORE`
 # of the second; `evaluate --protocol force` judges by another variant on other parts.
 FELT, LESS, MORE = 0.05, 0.75, 1.2
-# A contact whose pressure falls off as that of two round bodies covers 9/8 of the square of the
-# sum through the sum of the squares (Johnson, "Contact Mechanics", 1985, 3.4).
-ROUND = 9.0 / 8.0
 
 
 class Interval(NamedTuple):
@@ -119,6 +116,11 @@ class ContactForce:
         return {**known, "refused": self.refused}
 
 
+def covered(pressed: FloatArray, areas: FloatArray) -> float:
+    """Area [m2] of a contact by pressures (k,) of taxels with areas (k,) [m2]."""
+    return ROUND * float((pressed @ areas) ** 2 / (pressed**2 @ areas))
+
+
 class PartForces:
     """Adds up pressures on one part with n taxels.
 
@@ -127,6 +129,8 @@ class PartForces:
     skin : PreparedSkin
     answered : (n,) bool, optional
         Taxels whose pressure is known; all by default. Neighbours stand for the others.
+    covering : Covering, optional
+        What prints taught of areas.
     areas : FloatArray
         Plain areas of the taxels [m2].
     weights : (n,) float
@@ -135,15 +139,22 @@ class PartForces:
         Force on the skin [m2], and its moment about the origin of the link [m3], for a pressure.
     """
 
-    def __init__(self, skin: PreparedSkin, answered: BoolArray | None = None) -> None:
+    def __init__(
+        self,
+        skin: PreparedSkin,
+        answered: BoolArray | None = None,
+        covering: Covering | None = None,
+    ) -> None:
         n = len(skin)
+        self.covering = covering
         self.answered = np.ones(n, bool) if answered is None else np.asarray(answered, bool)
         if self.answered.shape != (n,):
             raise SkinMismatchError(f"{len(self.answered)} taxels are calibrated, the part has {n}")
         self.skin, self.areas = skin, skin.geometry.areas
         bed = spring_bed(skin.skin, skin.mesh)
         own = np.flatnonzero(self.answered)
-        feels = csr_array(bed.spread(SPREAD)[own])
+        wide = SPREAD if covering is None else max(SPREAD, covering.spread)
+        feels = csr_array(bed.spread(wide)[own])
         moments = np.cross(bed.places, bed.normals)
         wanted = np.column_stack([np.ones(len(bed.places)), -bed.normals, -moments])
         normals, places = skin.skin.normals[own], skin.skin.positions[own]
@@ -221,8 +232,11 @@ class PartForces:
     def _area(self, rows: IntArray, pressed: FloatArray) -> Interval:
         """Between what is pressed half as hard as the peak and all that feels it."""
         areas = self.areas[rows]
+        guess = covered(pressed, areas)
+        if self.covering is not None:
+            area, away = float(self.covering.area(guess)), NORMAL_90 * self.covering.doubt
+            return Interval(area, area * np.exp(-away), area * np.exp(away))
         peak = pressed.max()
         low = LESS * float(areas[pressed >= HARD * peak].sum())
         high = MORE * float(areas[pressed >= FELT * peak].sum())
-        guess = ROUND * float((pressed @ areas) ** 2 / (pressed**2 @ areas))
         return Interval(float(np.clip(guess, low, high)), low, high)

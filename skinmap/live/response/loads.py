@@ -42,7 +42,7 @@ class PartLoads:
     """
 
     def __init__(self, skin: PreparedSkin, calibration: LoadCalibration, rate: float) -> None:
-        self.forces = PartForces(skin, calibration.answered)
+        self.forces = PartForces(skin, calibration.answered, calibration.covering)
         self._calibration = calibration
         self._needed = max(2, round(REST_SECONDS * (rate or calibration.rate)))
         self._stream = calibration.stream(rate or None)
@@ -133,7 +133,7 @@ def contact_loads(
 
 @lru_cache(maxsize=16)  # samples of the same skin follow each other
 def _part_forces(mesh: SurfaceMesh, calibration: LoadCalibration) -> PartForces:
-    return PartForces(PreparedSkin.of(mesh), calibration.answered)
+    return PartForces(PreparedSkin.of(mesh), calibration.answered, calibration.covering)
 
 
 def load_calibrations(
