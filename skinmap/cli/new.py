@@ -1,4 +1,4 @@
-"""`skinmap new`: a manifest for one's own robot, from its URDF and its taxel tables."""
+"""`skinmap new`: a manifest for one's own robot, from its URDF or mesh and its taxel tables."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class NewResult:
     Attributes
     ----------
     robot
-        Name of the robot, as its URDF has it.
+        Name of the robot, as its URDF or its mesh file has it.
     parts
         The unit and the link that were taken for each table.
     taxels
@@ -83,7 +83,7 @@ class SeveralTables(click.Command):
 
 
 @click.command("new", cls=SeveralTables)
-@click.argument("urdf", metavar="ROBOT.urdf", type=PATH)
+@click.argument("model", metavar="ROBOT.urdf|MESH", type=PATH)
 @click.option(
     TABLES,
     "tables",
@@ -111,7 +111,7 @@ class SeveralTables(click.Command):
 @retired(profile=NO_PROFILE)
 @prints(NewResult, NewQuestions)
 def command(as_json: bool, **asked: Any) -> None:
-    """Write a manifest for your own robot: its URDF, and one taxel table for each part.
+    """Write a manifest for your own robot: its URDF or one mesh, and a taxel table for each part.
 
     The unit of the positions and the link of each table are found by laying the taxels on the
     meshes. A question that the files leave open is asked in a terminal; elsewhere the candidates
@@ -119,6 +119,7 @@ def command(as_json: bool, **asked: Any) -> None:
 
     \b
     Example:  skinmap new robot.urdf --taxels forearm.csv -o robot.toml
+              skinmap new arm.stl --taxels arm.csv -o robot.toml
               skinmap new robot.urdf --taxels *.csv --units mm --link forearm_link -o robot.toml
     """
     ctx = click.get_current_context()
@@ -130,7 +131,7 @@ def command(as_json: bool, **asked: Any) -> None:
 
 
 def work(
-    urdf: Path,
+    model: Path,
     tables: Sequence[Path],
     units: str | None,
     links: Sequence[str],
@@ -139,19 +140,31 @@ def work(
 ) -> NewResult | NewQuestions:
     """Read the files, find units and links, ask where a terminal is there, and write."""
     from skinmap.errors import UnknownNameError
-    from skinmap.io.robots.new_manifest import NewPart, part_names, write_manifest
-    from skinmap.io.robots.urdf import UrdfBody, read_urdf
+    from skinmap.io.robots.mesh_file import MESH_SUFFIXES
+    from skinmap.io.robots.new_manifest import (
+        NewPart,
+        mesh_units,
+        part_names,
+        robot_name,
+        write_manifest,
+    )
+    from skinmap.io.robots.urdf import MeshBody, UrdfBody
     from skinmap.io.taxels.taxel_table import read_taxels
     from skinmap.skin.robot import Robot
 
     units = "in" if units == "inch" else units
-    _check(urdf, tables, links, output)
-    body = UrdfBody(urdf)
+    _check(model, tables, links, output)
+    read = dict(zip(part_names(tables), map(read_taxels, tables), strict=True))
+    scale = ""
+    if model.suffix.lower() in MESH_SUFFIXES:
+        scale = mesh_units(model, read, units)
+        body: UrdfBody = MeshBody(model, scale=UNITS[scale])
+    else:
+        body = UrdfBody(model)
     for link in links:
         if link not in body.links:
             raise UnknownNameError("link", link, body.links)
-    robot = Robot(str(read_urdf(urdf).get("name")), body, {})
-    read = dict(zip(part_names(tables), map(read_taxels, tables), strict=True))
+    robot = Robot(robot_name(body), body, {})
     given: list[str | None] = [*links] or [None]
     given *= len(tables) if len(given) == 1 else 1
     chosen, asked, open_ = [], [], {}
@@ -173,23 +186,16 @@ def work(
         robot=robot.name,
         parts=chosen,
         taxels={part: len(table) for part, table in read.items()},
-        files=write_manifest(output, urdf, parts, force=force),
+        files=write_manifest(output, body, scale, parts, force=force),
     )
 
 
-def _check(urdf: Path, files: Sequence[Path], links: Sequence[str], output: Path) -> None:
+def _check(model: Path, files: Sequence[Path], links: Sequence[str], output: Path) -> None:
     """Refuse what is another kind of file, before anything is read."""
-    from skinmap.io.robots.mesh_file import MESH_SUFFIXES
-
     if output.suffix.lower() != ".toml":
         raise click.UsageError(f"-o {output}: a manifest ends in .toml")
-    if urdf.suffix.lower() == ".toml":
-        raise click.UsageError(f"{urdf} is a manifest already: skinmap inspect {urdf}")
-    if urdf.suffix.lower() in MESH_SUFFIXES:
-        raise click.UsageError(
-            f"{urdf} is a mesh, expected a URDF; a robot of one mesh has `mesh` in its manifest "
-            "(docs/manifest.md)"
-        )
+    if model.suffix.lower() == ".toml":
+        raise click.UsageError(f"{model} is a manifest already: skinmap inspect {model}")
     twice = [str(file) for row, file in enumerate(files) if file in files[:row]]
     if twice:
         raise click.UsageError(f"{TABLES} names {', '.join(twice)} twice")

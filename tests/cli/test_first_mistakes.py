@@ -149,7 +149,6 @@ MISTAKES = {
     "new robot/robot.urdf --taxels robot/forearm.csv --link nose -o n.toml": "no link 'nose'",
     "new robot/robot.urdf --taxels robot/forearm.csv -o n.json": "a manifest ends in .toml",
     "new robot/robot.urdf --taxels folder.csv -o n.toml": "'folder.csv' is a folder",
-    "new board/link.stl --taxels robot/forearm.csv -o n.toml": "is a mesh, expected a URDF",
     "demo --part torso": "give two --part",
     "anchors --mesh link.stl": "write skinmap calibrate wrap --mesh link.stl --window",
     "calibrate wrap --layout board/board.csv --mesh board/link.stl -o w": "or --window",

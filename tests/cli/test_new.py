@@ -257,7 +257,7 @@ def test_a_file_of_somebody_else_is_never_replaced_by_a_copy(tmp_path):
 WRONG = {
     "taxels.csv --taxels taxels.csv -o b.toml": "not a URDF file",
     "bot.toml --taxels taxels.csv -o b.toml": "is a manifest already",
-    "mesh.stl --taxels taxels.csv -o b.toml": "expected a URDF",
+    "mesh.stl --taxels taxels.csv --link forearm -o b.toml": "no link 'forearm'",
     "none.urdf --taxels taxels.csv -o b.toml": "no file",
     "bot.urdf --taxels none.csv -o b.toml": "expected a taxel table",
     "bot.urdf --taxels . -o b.toml": "expected a taxel table",
@@ -341,3 +341,27 @@ def test_units_and_links_that_fit_in_pairs_are_both_asked_for(tmp_path):
             "parts"
         ]
         assert (part["units"], part["link"]) == ("in", "thick")
+
+
+@pytest.mark.parametrize(("mesh_unit", "table_unit"), [("m", "m"), ("mm", "cm"), ("in", "mm")])
+def test_one_mesh_is_a_robot_in_the_units_that_lay_its_skin_on_it(
+    mesh_unit, table_unit, tmp_path, monkeypatch
+):
+    import trimesh
+
+    metres = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+    monkeypatch.chdir(tmp_path)
+    solid = trimesh.creation.cylinder(0.05, 0.2, sections=64)
+    solid.apply_translation([0, 0, 0.1])
+    solid.apply_scale(1 / metres[mesh_unit])
+    solid.export("tube.stl")
+    table(Path("sleeve.csv"), tube(0.05, metres[table_unit]))
+    words = ["new", "tube.stl", "--taxels", "sleeve.csv", "-o", "own/robot.toml", "--json"]
+    out = CliRunner().invoke(cli, words)
+    assert out.exit_code == 0, out.output
+    result = json.loads(out.stdout)
+    assert (result["robot"], result["parts"][0]["units"]) == ("tube", table_unit)
+    written = tomllib.loads(Path("own/robot.toml").read_text())
+    assert written["robot"] == {"name": "tube", "mesh": "tube.stl", "units": mesh_unit}
+    skin = skinmap.load_robot("own/robot.toml").skin("sleeve")
+    assert np.allclose(np.hypot(*skin.positions[:, :2].T), 0.051)

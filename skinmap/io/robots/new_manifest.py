@@ -1,9 +1,9 @@
-"""A manifest for a URDF and taxel tables: which unit and link each has, and what lies beside it."""
+"""A manifest for a URDF or a mesh and taxel tables: their units and links, and copies beside it."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +17,7 @@ from skinmap.geometry.proximity import closest_on_mesh, median_spacing
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.output import staged_folder
 from skinmap.io.robots.mesh_file import MESH_SUFFIXES
-from skinmap.io.robots.urdf import UrdfBody, read_urdf
+from skinmap.io.robots.urdf import MeshBody, UrdfBody, read_urdf
 from skinmap.io.safe_xml import local_name
 from skinmap.io.units import UNITS
 from skinmap.skin.repair import PITCHES
@@ -126,6 +126,18 @@ def candidates(
     return sorted(found, key=lambda one: (not one.plausible, one.off))
 
 
+def mesh_units(mesh: Path, tables: Mapping[str, TaxelTable], units: str | None) -> str:
+    """The unit of a mesh file: that in which a skin lies on it; metres where none does better."""
+    known = KNOWN_UNITS if units is None else (units,)
+    best: dict[str, float] = {}
+    for unit in KNOWN_UNITS:
+        robot = Robot(mesh.stem, MeshBody(mesh, scale=UNITS[unit]), {})
+        found = [candidates(part, one, robot, known, robot.body.links)[0]
+                 for part, one in tables.items()]  # fmt: skip
+        best[unit] = max(one.off if one.plausible else np.inf for one in found)
+    return min(best, key=lambda unit: best[unit])
+
+
 def _millimetres(lengths: FloatArray) -> list[float]:
     return [1e3 * float(length) for length in lengths]
 
@@ -186,7 +198,7 @@ def part_names(files: Sequence[Path]) -> list[str]:
 
 
 def write_manifest(
-    output: Path, urdf: Path, parts: Sequence[NewPart], *, force: bool = False
+    output: Path, body: UrdfBody, units: str, parts: Sequence[NewPart], *, force: bool = False
 ) -> list[str]:
     """Write a manifest, and copies beside it of what lies elsewhere; all of it or nothing.
 
@@ -194,7 +206,10 @@ def write_manifest(
     ----------
     output : Path
         The manifest.
-    urdf : Path
+    body : UrdfBody
+        Of a URDF or of one mesh.
+    units : str
+        Of the mesh; a URDF has its own.
     parts : sequence of NewPart
     force : bool
         Whether copies replace files that are there.
@@ -213,16 +228,14 @@ def write_manifest(
     """
     folder = output.parent
     beside = _Beside(folder)
-    body = UrdfBody(urdf)
     for part in parts:
         body.mesh(part.link)
     taxels = [beside.place(part.taxels, part.name + part.taxels.suffix) for part in parts]
-    name = beside.place_urdf(urdf, body)
-    lines = [
-        "[robot]",
-        f"name = {_text(str(read_urdf(urdf).get('name')))}",
-        f"urdf = {_text(name)}",
-    ]
+    if isinstance(body, MeshBody):
+        own = [f"mesh = {_text(beside.place_mesh(body.path))}", f"units = {_text(units)}"]
+    else:
+        own = [f"urdf = {_text(beside.place_urdf(body))}"]
+    lines = ["[robot]", f"name = {_text(robot_name(body))}", *own]
     for part, table in zip(parts, taxels, strict=True):
         lines += [
             "",
@@ -240,6 +253,13 @@ def write_manifest(
             place.write_bytes(content)
         (stage / output.name).write_text("\n".join(lines) + "\n", encoding="utf-8")
     return [str(output), *(str(folder / target) for target in copies)]
+
+
+def robot_name(body: UrdfBody) -> str:
+    """The name in a URDF, or that of a mesh file."""
+    if isinstance(body, MeshBody):
+        return body.path.stem
+    return str(read_urdf(body.path).get("name"))
 
 
 def _text(value: str) -> str:
@@ -265,8 +285,16 @@ class _Beside:
         self.copies[name] = own
         return name
 
-    def place_urdf(self, urdf: Path, body: UrdfBody) -> str:
+    def place_mesh(self, mesh: Path, name: str = "") -> str:
+        """The name of a mesh in the folder, with the files beside it that hold its numbers."""
+        there = self.place(mesh, name or mesh.name)
+        for buffer in _buffers(mesh):
+            self.place(buffer, (Path(there).parent / buffer.name).as_posix())
+        return there
+
+    def place_urdf(self, body: UrdfBody) -> str:
         """The name of a URDF in the folder, with its meshes; changed where it names others."""
+        urdf = body.path
         root, own = read_urdf(urdf), urdf.resolve()
         inside = own.is_relative_to(self.home)
         name = own.relative_to(self.home).as_posix() if inside else urdf.name
@@ -284,9 +312,7 @@ class _Beside:
             near = Path(said.removeprefix("package://"))
             if ":" in said.removeprefix("package://") or ".." in near.parts or near.is_absolute():
                 near = Path("meshes") / mesh.name
-            there = Path(self.place(mesh, (Path(name).parent / near).as_posix()))
-            for buffer in _buffers(mesh):
-                self.place(buffer, (there.parent / buffer.name).as_posix())
+            there = Path(self.place_mesh(mesh, (Path(name).parent / near).as_posix()))
             if there != Path(name).parent / said.removeprefix("package://"):
                 element.set("filename", there.relative_to(Path(name).parent).as_posix())
                 changed = True
