@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pytest
+from click.testing import CliRunner
 
 import skinmap
+from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, MissingFileError, SkinWarning
 from skinmap.io.recordings.touch_files import read_recordings, recording_readers
 from skinmap.touch.recording import Recording
@@ -181,3 +185,19 @@ def test_a_table_without_a_mapping_says_what_it_needs(tmp_path):
     (tmp_path / "t.csv").write_text("time,ch0\n0,1\n")
     with pytest.raises(MissingFileError, match="a mapping that names the robot and the part"):
         read_recordings(tmp_path / "t.csv")
+
+
+def test_arrays_of_others_are_told_from_ours_by_what_they_hold(tmp_path, channels, values):
+    named = written(tmp_path, "npz", channels, values)
+    named.with_suffix(".toml").rename(tmp_path / "mapping.toml")
+    (one,) = read_recordings(named)
+    assert one.labels == ("poke",)
+    ours = tmp_path / "ours.npz"
+    skinmap.save_recordings(one, ours)
+    assert read_recordings(ours)[0].labels == ("poke",)
+    result = CliRunner().invoke(cli, ["classify", str(named), "--json"])
+    assert result.exit_code == 0, result.output
+    assert json.loads(result.stdout)["events"] == 1
+    (tmp_path / "mapping.toml").unlink()
+    with pytest.raises(MissingFileError, match=r"a mapping that names the robot and the part"):
+        read_recordings(named)

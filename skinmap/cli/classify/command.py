@@ -71,10 +71,10 @@ def command(files: tuple[str, ...], coverage: float | None, as_json: bool, **how
     MODEL is what `skinmap train` wrote; without one the model that comes with Skinmap names the
     four still touches and the eight in time that are simulated, on any robot.
 
-    SOURCE is a recording of marked touches (.npz, .mcap), whose names are compared with the
-    recorded ones, or whatever can be followed: sim, lsl:NAME, zmq:HOST:PORT, a recording without
-    marks (.mcap, .xdf, data.log), which gives a line a touch when it ends and a summary at the
-    end; with --json each line is an object.
+    SOURCE is a recording of marked touches (.npz, .mcap, or of other software with a mapping),
+    whose names are compared with the recorded ones, or whatever can be followed: sim, lsl:NAME,
+    zmq:HOST:PORT, a recording without marks (.mcap, .xdf, data.log), which gives a line a touch
+    when it ends and a summary at the end; with --json each line is an object.
 
     Beside its name each touch has three answers, of the model that comes with Skinmap unless the
     given one has its own: kind (with what), motion (how it moves) and hand (hand, other or unsure).
@@ -147,12 +147,18 @@ def _with_gestures(source: str, gestures: tuple[str, ...]) -> str:
 def holds_events(source: str) -> bool:
     """Whether a source is a recording of pressures whose touches were marked."""
     path = Path(source)
-    if path.suffix.lower() != ".mcap" or not path.is_file():
+    if not path.is_file():
         return path.suffix.lower() == ".npz"
-    from skinmap.io.mcap.reading import read_track
+    if path.suffix.lower() == ".mcap":
+        from skinmap.io.mcap.reading import read_track
 
-    track = read_track(path)
-    return track.kind == "pressure" and len(track.touches) > 0
+        track = read_track(path)
+        return track.kind == "pressure" and len(track.touches) > 0
+    from skinmap.io.recordings.touch_files import is_foreign, read_recordings
+
+    if is_foreign(path):
+        return any(one.labels for one in read_recordings(path))
+    return path.suffix.lower() == ".npz"
 
 
 def _lines(result: ClassifyResult) -> Iterator[str | Table]:

@@ -26,7 +26,7 @@ from skinmap.cli.classify.classify_result import (
 )
 from skinmap.commands.options import open_robot, open_stream
 from skinmap.errors import SkinMismatchError, UnknownNameError
-from skinmap.io.recordings.touch_files import load_recordings
+from skinmap.io.recordings.touch_files import read_recordings
 from skinmap.live.contacts.contact_motion import MotionBook, recorded_course
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.source import Counts
@@ -293,7 +293,7 @@ def name_recorded(
     """Name the touches of each event and compare them with what was recorded."""
     from skinmap.live.response.loads import load_calibrations
 
-    recordings = load_recordings(path)
+    recordings = read_recordings(path)
     loaded, wanted = open_robot(robot, parts)
     chosen = [one for one in recordings if one.part in wanted]
     if not chosen:

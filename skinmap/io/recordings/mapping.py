@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tomllib
+import zipfile
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
@@ -97,10 +98,19 @@ def find_mapping(path: Path) -> Mapping | None:
     for folder in path.absolute().parents[:LEVELS]:
         if is_file(folder / NAME):
             found = read_mapping(folder / NAME)
-            # A .npz beside tables of others may be one of ours: only the format's name says.
-            ours = path.suffix.lower() == ".npz" and found.format != "arrays"
-            return None if ours else found
+            return None if is_own_archive(path) else found
     return None
+
+
+def is_own_archive(path: Path) -> bool:
+    """Whether a .npz is a recording of ours, or so damaged that nobody knows."""
+    if path.suffix.lower() != ".npz":
+        return False
+    try:
+        with zipfile.ZipFile(path) as whole:
+            return not {"about.npy", "head.npy"}.isdisjoint(whole.namelist())
+    except (OSError, zipfile.BadZipFile):
+        return True
 
 
 def read_mapping(path: Path) -> Mapping:

@@ -20,7 +20,7 @@ from skinmap.errors import (
 )
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.mcap.writing import McapRecording
-from skinmap.io.recordings.mapping import find_mapping
+from skinmap.io.recordings.mapping import find_mapping, is_own_archive
 from skinmap.io.recordings.recorded_stream import (
     RecordedStream,
     StreamInfo,
@@ -287,8 +287,12 @@ def readable() -> tuple[str, ...]:
 
 def is_readable(path: Path) -> bool:
     """Whether a file in a folder is a recording: one of ours, or one with a mapping beside it."""
-    suffix = path.suffix.lower()
-    return suffix in SUFFIXES or (suffix in FOREIGN and find_mapping(path) is not None)
+    return path.suffix.lower() in SUFFIXES or is_foreign(path)
+
+
+def is_foreign(path: Path) -> bool:
+    """Whether a file is a recording of other software, with a mapping that names its skin."""
+    return path.suffix.lower() in (*FOREIGN, ".npz") and find_mapping(path) is not None
 
 
 def read_recordings(path: Path, format: str | None = None) -> list[Recording]:
@@ -314,6 +318,10 @@ def read_recordings(path: Path, format: str | None = None) -> list[Recording]:
     suffix = path.suffix.lower()
     if said is None and suffix == ".npz" and mapping is not None:
         said = "arrays"
+    if said is None and suffix == ".npz" and not is_own_archive(path):
+        from skinmap.io.recordings.channel_table import needed_mapping
+
+        needed_mapping(path)
     if said is None and suffix in SUFFIXES:
         return load_recordings(path)
     said = said or FOREIGN.get(suffix)
