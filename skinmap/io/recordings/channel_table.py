@@ -21,11 +21,10 @@ from skinmap.errors import (
     DAMAGED_ARCHIVE,
     DataFormatError,
     InvalidArrayError,
-    MissingFileError,
     SkinError,
     SkinWarning,
 )
-from skinmap.io.recordings.mapping import NAME, Mapping, find_mapping
+from skinmap.io.recordings.mapping import Mapping, needed_mapping
 from skinmap.io.robots.manifest import load_robot
 from skinmap.io.text import MAX_CHANNEL, check_file
 from skinmap.skin.robot import Robot
@@ -71,23 +70,6 @@ class ChannelTable:
     sessions: tuple[str, ...] = ()
     people: tuple[str, ...] = ()
     stretches: IntArray | None = None
-
-
-def needed_mapping(path: Path) -> Mapping:
-    """The mapping of a file that says nothing of its skin.
-
-    Raises
-    ------
-    MissingFileError
-        There is none.
-    """
-    found = find_mapping(path)
-    if found is None:
-        raise MissingFileError(
-            path.with_suffix(".toml"),
-            f"a mapping that names the robot and the part of {path.name}, or {NAME} in its folder",
-        )
-    return found
 
 
 def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording:

@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from skinmap.errors import DataFormatError
+from skinmap.errors import DataFormatError, MissingFileError
 from skinmap.io.text import is_file, read_text
 from skinmap.validation import checked
 
@@ -102,8 +102,25 @@ def find_mapping(path: Path) -> Mapping | None:
     return None
 
 
+def needed_mapping(path: Path) -> Mapping:
+    """The mapping of a file that says nothing of its skin.
+
+    Raises
+    ------
+    MissingFileError
+        There is none.
+    """
+    found = find_mapping(path)
+    if found is None:
+        raise MissingFileError(
+            path.with_suffix(".toml"),
+            f"a mapping that names the robot and the part of {path.name}, or {NAME} in its folder",
+        )
+    return found
+
+
 def is_own_archive(path: Path) -> bool:
-    """Whether a .npz is a recording of ours, or so damaged that nobody knows."""
+    """Whether a .npz is a recording of ours, or too damaged to tell."""
     if path.suffix.lower() != ".npz":
         return False
     try:

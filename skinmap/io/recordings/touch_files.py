@@ -20,7 +20,7 @@ from skinmap.errors import (
 )
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.mcap.writing import McapRecording
-from skinmap.io.recordings.mapping import find_mapping, is_own_archive
+from skinmap.io.recordings.mapping import find_mapping, is_own_archive, needed_mapping
 from skinmap.io.recordings.recorded_stream import (
     RecordedStream,
     StreamInfo,
@@ -319,8 +319,6 @@ def read_recordings(path: Path, format: str | None = None) -> list[Recording]:
     if said is None and suffix == ".npz" and mapping is not None:
         said = "arrays"
     if said is None and suffix == ".npz" and not is_own_archive(path):
-        from skinmap.io.recordings.channel_table import needed_mapping
-
         needed_mapping(path)
     if said is None and suffix in SUFFIXES:
         return load_recordings(path)
