@@ -120,7 +120,7 @@ def needed_mapping(path: Path) -> Mapping:
 
 
 def is_own_archive(path: Path) -> bool:
-    """Whether a .npz is a recording of ours, or too damaged to tell."""
+    """Whether a .npz is a recording of ours, or a damaged archive."""
     if path.suffix.lower() != ".npz":
         return False
     try:
