@@ -120,7 +120,7 @@ def needed_mapping(path: Path) -> Mapping:
 
 
 def is_own_archive(path: Path) -> bool:
-    """Whether a .npz is a recording of ours, or a damaged archive."""
+    """Whether a .npz is a Skinmap recording, or a damaged archive."""
     if path.suffix.lower() != ".npz":
         return False
     try:
