@@ -113,7 +113,7 @@ class StructuresResult:
     metavar="MM|auto",
     default="auto",
     show_default=True,
-    help="Radius of a neighbourhood, or auto: between two rings of the lattice, near 8 mm.",
+    help="Radius of a neighbourhood, or auto: between two rings of the lattice.",
 )
 @click.option(
     "--rotations",
@@ -161,14 +161,15 @@ def work(
 ) -> tuple[StructuresResult, dict[str, PreparedSkin], Structures]:
     """The numbers, the skins by part, and the structures on them; the last two from a profile."""
     from skinmap.neighbours.offsets import LATTICE, auto_radius, concatenate
-    from skinmap.neighbours.structures import RADIUS, find_structures
+    from skinmap.neighbours.structures import find_structures, usual_radius
     from skinmap.touch.prepared_skin import PreparedSkin
 
     asked, turns, distance = read_radius(radius_mm), int(rotations), distance or "euclidean"
     tolerance = 1e-3 * (tolerance_mm or TOLERANCE_MM)
     loaded, names = open_robot(robot, parts)
     skins = {name: PreparedSkin(loaded.skin(name)) for name in names}
-    radius = asked or auto_radius([skin.skin.positions for skin in skins.values()], near=RADIUS)
+    places = [skin.skin.positions for skin in skins.values()]
+    radius = asked or auto_radius(places, near=usual_radius(places))
     symmetry = turns if turns > 1 else LATTICE
     hoods = [
         skin.neighbourhoods(radius=radius, distance=distance, symmetry=symmetry)

@@ -236,7 +236,7 @@ def work(
     from skinmap.cli.collection import collect
     from skinmap.io.output import staged_file
     from skinmap.neighbours.offsets import auto_radius
-    from skinmap.neighbours.structures import RADIUS
+    from skinmap.neighbours.structures import RADIUS, usual_radius
     from skinmap.recognition.answering import (
         check_groups,
         check_motions,
@@ -259,8 +259,8 @@ def work(
     untrained()  # refuses knobs before anything is read
     found = collect(recordings, robot)
     if auto:
-        skins = {part: one.skin.positions for (_, part), one in found.skins.items()}
-        knobs["radius_mm"] = 1e3 * auto_radius(list(skins.values()), near=RADIUS)
+        places = [one.skin.positions for one in found.skins.values()]
+        knobs["radius_mm"] = 1e3 * auto_radius(places, near=usual_radius(places))
     rng = np.random.default_rng(seed)
     train, same, other = _split(found, parts, rng)
     names = sorted({touch.label for touch in train})

@@ -13,7 +13,7 @@ where another taxel's place begins). It says something at any noise and any radi
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,7 @@ import numpy as np
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import FlatMap
+from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import plane_turns
 from skinmap.neighbours.matching import (
     MARGIN,
@@ -159,10 +160,20 @@ def _portions(rows: IntArray, places: int) -> Iterator[IntArray]:
         yield rows[start : start + step]
 
 
-__all__ = ["RADIUS", "TOLERANCE", "Prototypes", "Structures", "assign", "find_structures"]
+__all__ = [
+    "RADIUS",
+    "TOLERANCE",
+    "Prototypes",
+    "Structures",
+    "assign",
+    "find_structures",
+    "usual_radius",
+]
 
 TOLERANCE = 1.5e-3  # [m]; under half a pitch, so that matching points are one-to-one
 RADIUS = 8.0e-3  # [m]; between the first and the second ring of the known modules
+PITCHES = 4.0e-3, 8.1e-3  # of taxels that it is for [m]
+RING = 1.25  # pitches: between the first and the second ring of other skins
 STRAY = 1.5  # in tolerances: how far a point may lie where all together lie 1.5 times closer
 CANDIDATES = 96  # shapes that are compared at a time, and
 COLUMNS = 512  # neighbourhoods that they are counted on: sampled evenly from what is uncovered
@@ -331,9 +342,24 @@ def adopt_nearest(hoods: Neighbourhoods, found: Structures) -> Structures:
     return Structures(found.prototypes, labels, neighbours, rotation)
 
 
+def usual_radius(skins: Sequence[FloatArray]) -> float:
+    """`RADIUS`, or as many pitches on skins that are coarser or finer than the known ones [m].
+
+    Parameters
+    ----------
+    skins : sequence of (n, 3) array of float
+        Positions of the taxels of each part [m].
+    """
+    several = [np.unique(one, axis=0) for one in skins]
+    pitches = [median_spacing(one) for one in several if len(one) > 1]
+    pitch = float(np.median(pitches)) if pitches else RADIUS
+    return RADIUS if PITCHES[0] <= pitch <= PITCHES[1] else RING * pitch
+
+
 def _flat_neighbourhoods(flat: FlatMap, radius: float | None) -> Neighbourhoods:
     if radius is None:
-        radius = auto_radius([flat.mesh.skin.positions], near=RADIUS)
+        skins = [flat.mesh.skin.positions]
+        radius = auto_radius(skins, near=usual_radius(skins))
     if not 0.0 < radius < np.inf:
         raise InvalidArrayError(f"radius must be above 0 m, got {radius}")
     skin, directions = flat.mesh.skin, flat_map_directions(flat)

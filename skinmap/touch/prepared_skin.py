@@ -17,7 +17,7 @@ from skinmap.neighbours.offsets import (
     geodesic_neighbourhoods,
     neighbourhoods,
 )
-from skinmap.neighbours.structures import RADIUS
+from skinmap.neighbours.structures import usual_radius
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, fingerprint
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
@@ -34,12 +34,13 @@ class PreparedSkin:
     skin : Skin
     method : str
         Flattening method.
-    radius : float
+    radius : float, optional
         Of the neighbourhoods [m].
     """
 
-    def __init__(self, skin: Skin, *, method: str = DEFAULT, radius: float = RADIUS) -> None:
-        self.skin, self.method, self.radius = skin, method, radius
+    def __init__(self, skin: Skin, *, method: str = DEFAULT, radius: float | None = None) -> None:
+        self.skin, self.method = skin, method
+        self.radius = radius or usual_radius([skin.positions])
         self._given: tuple[object, ...] = ()
         self._hoods: dict[tuple[float, str, int], Neighbourhoods] = {}
 

@@ -19,6 +19,7 @@ from skinmap.neighbours.offsets import (
 from skinmap.neighbours.structures import assign, find_structures
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh
+from skinmap.touch.prepared_skin import PreparedSkin
 
 NOISE = 0.25e-3  # the documented limit is twice this
 LATTICES = [
@@ -269,3 +270,17 @@ def test_real_parts_at_the_prototypes_radius(prepared):
         plain = find_structures(hoods, rotations=1)
         assert len(plain.prototypes) <= most
         assert len(find_structures(hoods, rotations=6).prototypes) < len(plain.prototypes)
+
+
+@pytest.mark.parametrize("pitch", [2e-3, 6.5e-3, 10.4e-3, 25e-3])
+def test_structures_of_coarse_and_fine_skins_have_their_ring_of_neighbours(pitch):
+    row, column = np.divmod(np.arange(144), 12)
+    points = np.column_stack([column + 0.5 * (row % 2), np.sqrt(0.75) * row, 0.0 * row]) * pitch
+    index = np.arange(144)
+    skin = Skin("sheet", "", index, index // 12, points, np.tile([0.0, 0.0, 1.0], (144, 1)))
+    prepared = PreparedSkin(skin)
+    found = find_structures(prepared.flat, rotations=6)
+    inner = (row > 1) & (row < 10) & (column > 1) & (column < 10)
+    counts = (prepared.neighbourhoods().index[inner] >= 0).sum(axis=1)
+    assert set(counts.tolist()) <= {6, 7}
+    assert len(set(found.labels[inner].tolist())) == 1
