@@ -301,7 +301,10 @@ def _scales(
     recovery = np.zeros(len(rest))
     if before is not None:
         rest = before
-        recovery = recovery if after is None else after - before
+        if after is not None:
+            recovery = after - before
+            if np.median((recovery * sign)[told]) < 0.0:  # no foam rises above its rest: it moved
+                rest, recovery = rest + recovery / 2.0, np.zeros(len(rest))
     span = np.where(sign < 0, ends[0], ends[1]) - rest
     return rest, np.where(span * sign > 0, span, sign), recovery, before is not None
 

@@ -37,6 +37,7 @@ WANDER = 0.5  # counts that rest wanders within a session, where it was not seen
 RANGE = 0.03  # beyond the calibrated counts that still are answered, in spans, and one count
 GAIN_SD = 0.037  # of a taxel between sessions: six of one insole differ so
 REST_DOUBT = 0.65  # counts that a zero differs between sessions at least, by seven of one insole
+AFTER_DOUBT = 1.1  # counts that rest after load, less its usual recovery, differs from rest before
 UNSEEN_DOUBT = 0.5  # counts more where a recording shows no rest before load
 GAIN_BAR = 0.15  # values that a taxel still answers whose gain a session proved wrong
 WANDER_BAR = 0.3  # of a taxel's rest within a session, above which it is not answered
@@ -267,7 +268,7 @@ class LoadCalibration:
         if zero == "first":
             after = None
         if before is None:
-            found = replace(self._unseen(), gain=gain)
+            found = replace(self._unseen(after), gain=gain)
         else:
             found = self._zeroed(before, after, gain)
         return replace(found, wander=np.where(stuck, np.inf, found.wander))
@@ -286,10 +287,18 @@ class LoadCalibration:
         shift = moved - (1.0 - kept) * shared / slope
         return Session(shift, wander * np.abs(slope), gain, self.doubt, True)
 
-    def _unseen(self) -> Session:
-        """A session without rest before its load."""
+    def _unseen(self, after: FloatArray | None = None) -> Session:
+        """A session without rest before its load; rest after it shows a zero that moved far."""
         n, shared = len(self), float(np.hypot(self.doubt, UNSEEN_DOUBT * self.count_bar))
-        return Session(self.shift, np.full(n, np.nan), np.zeros(n), shared, False)
+        shift, own = self.shift, self.answered
+        if after is not None and own.any():
+            doubt, slope = AFTER_DOUBT * self.count_bar, self.top / self.span
+            doubt *= 1.0 if self.recovery.any() else 2.0  # how far it recovers was not seen
+            moved = float(np.median(((after - self.recovery - self.rest - shift) * slope)[own]))
+            kept = max(0.0, 1.0 - (doubt / max(abs(moved), 1e-12)) ** 2)
+            shift = shift + kept * moved / slope
+            shared = float(np.hypot(shared, kept * doubt))
+        return Session(shift, np.full(n, np.nan), np.zeros(n), shared, False)
 
     def rests(self, counts: FloatArray, rate: float) -> tuple[FloatArray | None, FloatArray | None]:
         """Counts (n,) at rest before load and after it; None where a recording has none."""
