@@ -82,6 +82,8 @@ class LoadResult(Calibrated):
         A line or more for each recording.
     area_mm2
         Area of a taxel; null where none was given.
+    with_temperature
+        Taxels whose rest follows the temperature of their module; null where it is not known.
     prints
         Touches with a known print; null without any.
     spread_mm
@@ -109,6 +111,7 @@ class LoadResult(Calibrated):
     top_bar: float
     clocks: list[ClockRow]
     area_mm2: float | None
+    with_temperature: int | None
     prints: int | None
     spread_mm: float | None
     print_error: float | None
@@ -215,6 +218,7 @@ def work(
             for line in lines
         ],
         area_mm2=area_mm2,
+        with_temperature=None if found.warmth is None else int((found.warmth.channel >= 0).sum()),
         prints=None if prints is None else prints.prints,
         spread_mm=None if prints is None else 1e3 * prints.covering.spread,
         print_error=None if prints is None else prints.error,
@@ -252,7 +256,7 @@ def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
             raise DataFormatError(f"{one.kind} needs --area-mm2, the area of a taxel", path)
         count = one.samples.shape[1] if one.channels is None else len(one.channels)
         reference = reference / (area_mm2 * 1e-6 * count) * BAR
-    return Pressed(one.name, one.samples, one.rate, reference, one.channels)
+    return Pressed(one.name, one.samples, one.rate, reference, one.channels, one.thermal)
 
 
 def _write(fit: LoadFit, folder: Path) -> list[str]:
@@ -281,6 +285,8 @@ def _lines(result: LoadResult) -> Iterator[str]:
         f"{result.error_bar.median:.3f} bar (median, held out)"
     )
     yield from (f"clock of {_clock(row)}" for row in result.clocks)
+    if result.with_temperature is not None:
+        yield f"rest follows the temperature of the module: {result.with_temperature} taxels"
     if result.prints is not None:
         yield _areas(result)
     yield f"left out, dead: {_named(result.dead)}"

@@ -131,7 +131,7 @@ def _recorded(path: Path, found: LoadCalibration, zero: Zero) -> tuple[FloatArra
     own = found.answered
     if np.median(np.ptp(counts[:, own], axis=0)) <= MOVED:  # all of it is rest
         return found.zero_at(counts, 0.0).shift, len(counts)
-    session = found.session(counts, one.rate, zero=zero)
+    session = found.session(found.cooled(counts), one.rate, zero=zero)
     if not session.zeroed:
         raise InvalidArrayError(
             f"{path}: no rest before load: the recording begins under load or never holds still; "

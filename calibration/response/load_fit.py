@@ -8,7 +8,7 @@ the shape that all share, scaled to it, takes that.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -22,6 +22,7 @@ from skinmap.touch.load_calibration import (
     REST_SECONDS,
     SHRINK,
     LoadCalibration,
+    Warmth,
     calm_rests,
     chunks,
     skin_level,
@@ -36,6 +37,7 @@ FOLDS = 5  # stretches of a recording of which each is held out
 LEAST_SPAN = 3.0  # counts from rest to the top: below it a taxel tells too little
 LEAST_SPREAD = 0.5  # counts: below it a taxel is dead
 AT_REST = 0.05  # share of the range of a load that a reference may stand off at rest
+WARMER = 0.8  # of the square of what rest wanders, that may be left with a temperature
 FULL_ROWS, FULL_RANGE = 0.1, 0.3  # a taxel is saturated that stands still at its end in so many
 # rows while the load goes through so much of its range
 # Ridge a row: of the cubic, the plays and the slow means.
@@ -58,6 +60,8 @@ class Pressed:
         [bar] at the same rate, on its own clock.
     channels : (k,) array of int, optional
         Which channels felt it; all without.
+    thermal : (n,) array of int, optional
+        Channel with the temperature of each channel's module, -1 for none.
     """
 
     name: str
@@ -65,6 +69,7 @@ class Pressed:
     rate: float
     reference: FloatArray
     channels: IntArray | None = None
+    thermal: IntArray | None = None
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -156,6 +161,9 @@ def fit_load(
         reference_at(line, one.reference, len(one.samples))
         for one, line in zip(evidence, lines, strict=True)
     ]
+    warmth = _warmth(evidence, wanted)
+    if warmth is not None:
+        evidence = [replace(one, samples=warmth.corrected(one.samples)) for one in evidence]
     told = np.zeros(n, bool)
     dead = np.ones(n, bool)
     for one in evidence:
@@ -165,6 +173,8 @@ def fit_load(
         dead &= ~moves
         told[own[np.isin(own, own[following(one.samples[:, own])])]] = True
     told &= ~dead
+    if warmth is not None:
+        told[np.unique(warmth.channel[warmth.channel >= 0])] = False
     rest, span, recovery, rested = np.zeros(n), np.ones(n), np.zeros(n), False
     shifts, known = [], np.zeros(n, bool)
     for one, reference in zip(evidence, wanted, strict=True):
@@ -195,11 +205,41 @@ def fit_load(
     total = sums[0]
     for more in sums[1:]:
         total = total + more
-    return _solved(
+    fit = _solved(
         total, told, dead, lines, rest, span, recovery,
         top=np.nanmax([np.nanmax(one) for one in wanted]), rested=rested, rate=first.rate,
         when=when, area_mm2=area_mm2, fingerprint=fingerprint, mean_s=mean_s,
     )  # fmt: skip
+    if warmth is None:
+        return fit
+    stray = sorted({*fit.stray} - {*warmth.channel.tolist()})
+    return replace(fit, calibration=replace(fit.calibration, warmth=warmth), stray=stray)
+
+
+def _warmth(evidence: Sequence[Pressed], wanted: Sequence[FloatArray]) -> Warmth | None:
+    """How rest follows the temperatures, of taxels whose rest is told better with them."""
+    channel = evidence[0].thermal
+    if channel is None:
+        return None
+    own = np.flatnonzero(channel >= 0)
+    rests = []
+    for one, reference in zip(evidence, wanted, strict=True):
+        held = np.nanquantile(reference, 0.02) + AT_REST * np.ptp(reference[np.isfinite(reference)])
+        rests.append(one.samples[np.flatnonzero(reference <= held)].astype(np.float64))
+    usual = rests[0].mean(axis=0)[channel]
+    slope = np.zeros(len(channel))
+    away = [rows - rows.mean(axis=0) for rows in rests]
+    folds = [fold for rows in away for fold in np.array_split(rows, FOLDS) if len(fold)]
+    square = np.array([(fold[:, channel] ** 2).sum(axis=0) for fold in folds])
+    toward = np.array([(fold[:, channel] * fold).sum(axis=0) for fold in folds])
+    power = np.array([(fold**2).sum(axis=0) for fold in folds])
+    others = np.maximum(square.sum(axis=0) - square, 1e-9)
+    left = (toward.sum(axis=0) - toward) / others
+    error = (power - 2 * left * toward + left**2 * square).sum(axis=0)
+    rows = sum(len(fold) for fold in folds)
+    good = own[(error < WARMER * power.sum(axis=0))[own] & (square.sum(axis=0) > rows)[own]]
+    slope[good] = toward.sum(axis=0)[good] / square.sum(axis=0)[good]
+    return Warmth(np.where(np.isin(np.arange(len(channel)), good), channel, -1), slope, usual)
 
 
 def _mean_seconds(

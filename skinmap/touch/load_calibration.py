@@ -16,10 +16,10 @@ from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from skinmap.archive import open_arrays
-from skinmap.arrays import BoolArray, FloatArray, check_finite, freeze
+from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import (
     DAMAGED_ARCHIVE,
     DataFormatError,
@@ -74,6 +74,32 @@ class Covering(NamedTuple):
         return self.gain * np.maximum(felt - less, LEAST_COVERED * np.asarray(felt))
 
 
+class Warmth(NamedTuple):
+    """How rest moves with the temperature of a module.
+
+    Attributes
+    ----------
+    channel : (n,) int
+        Channel with the temperature of each taxel's module, -1 for none.
+    slope : (n,) float
+        Counts of the taxel for a count of the temperature.
+    usual : (n,) float
+        Temperature at rest in the evidence [counts].
+    """
+
+    channel: IntArray
+    slope: FloatArray
+    usual: FloatArray
+
+    def corrected(self, counts: NDArray[Any]) -> NDArray[Any]:
+        """Counts (..., n) as they were at the usual temperature."""
+        found = np.array(counts, np.float32)
+        found = np.array(counts, np.float32)
+        own = np.flatnonzero(self.channel >= 0)
+        found[..., own] -= self.slope[own] * (counts[..., self.channel[own]] - self.usual[own])
+        return found
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class LoadCalibration:
     """Pressures of n taxels in bar, with intervals that hold on another day.
@@ -108,6 +134,8 @@ class LoadCalibration:
         Running mean of the counts that the weights are for [s].
     covering : Covering or None
         What prints taught of areas; None without any.
+    warmth : Warmth or None
+        What temperatures of modules do; None where they are not known.
     """
 
     weights: FloatArray
@@ -125,6 +153,7 @@ class LoadCalibration:
     fingerprint: str = ""
     mean_s: float = MEAN_SECONDS
     covering: Covering | None = None
+    warmth: Warmth | None = None
 
     def __post_init__(self) -> None:
         n = len(self.rest)
@@ -179,6 +208,9 @@ class LoadCalibration:
                 known = {name: kind(head[name]) for name, kind in HEAD.items()}
                 if prints := head.get("covering"):
                     known["covering"] = Covering(*map(float, prints))
+                if "warmth" in arrays:
+                    channel, slope, usual = np.asarray(arrays["warmth"], np.float64)
+                    known["warmth"] = Warmth(channel.astype(np.int64), slope, usual)
                 found = cls(**held, **known)
         except DAMAGED_ARCHIVE as error:
             if isinstance(error, DataFormatError):
@@ -196,6 +228,8 @@ class LoadCalibration:
         head = {"format": FORMAT} | {name: getattr(self, name) for name in HEAD}
         head["covering"] = self.covering
         arrays: dict[str, Any] = {name: getattr(self, name) for name in ARRAYS}
+        if self.warmth is not None:
+            arrays["warmth"] = np.stack(self.warmth)
         buffer = io.BytesIO()
         text = np.frombuffer(json.dumps(head).encode(), np.uint8)
         np.savez_compressed(buffer, head=text, **arrays)
@@ -226,7 +260,7 @@ class LoadCalibration:
         InvalidArrayError, SkinMismatchError
             Samples or times of another shape, or that hold NaN.
         """
-        counts = self.checked(samples)
+        counts = self.cooled(self.checked(samples))
         rate = rate_of_times(times, len(counts)) or self.rate
         session = self.session(counts, rate, zero=zero)
         found = np.full((3, *counts.shape), np.nan, np.float32)
@@ -250,14 +284,18 @@ class LoadCalibration:
             )
         return counts
 
+    def cooled(self, counts: NDArray[Any]) -> NDArray[Any]:
+        """Counts (..., n) without what the temperatures of the modules do."""
+        return counts if self.warmth is None else self.warmth.corrected(counts)
+
     def above_rest(self, counts: ArrayLike) -> FloatArray:
         """Counts (n,) by which taxels are pressed, whether theirs rise or fall; none below 0."""
-        away = np.asarray(counts, np.float64) - self.rest - self.shift
+        away = self.cooled(np.asarray(counts, np.float64)) - self.rest - self.shift
         return np.asarray(np.maximum(away * np.sign(self.span), 0.0))
 
     def steady(self, counts: ArrayLike) -> FloatArray:
         """Pressure (n,) [bar] of a load that stands still; NaN where a taxel is not answered."""
-        scaled = (np.asarray(counts, np.float64) - self.rest - self.shift) / self.span
+        scaled = (self.cooled(np.asarray(counts, np.float64)) - self.rest - self.shift) / self.span
         curve = self.weights[:, :4] * np.power.outer(scaled, np.arange(4))
         return np.asarray(np.maximum(curve.sum(axis=1), 0.0))
 
@@ -320,7 +358,7 @@ class LoadCalibration:
 
     def zero_at(self, samples: ArrayLike, when: float) -> LoadCalibration:
         """The calibration zeroed anew by samples (t, n) at rest."""
-        counts = self.checked(samples)
+        counts = self.cooled(self.checked(samples))
         session = self._zeroed(np.median(counts, axis=0), None, np.zeros(len(self)))
         return replace(self, shift=session.shift, zeroed=when)
 
@@ -378,11 +416,11 @@ class LoadStream:
 
     def update(self, sample: ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
         """Values, low and high (n,) [bar] of one moment (n,) of counts."""
-        found = self.rows(np.asarray(sample, np.float64)[None])
+        found = self.rows(self._calibration.cooled(np.asarray(sample, np.float64)[None]))
         return found[0, 0], found[1, 0], found[2, 0]
 
     def rows(self, counts: FloatArray) -> FloatArray:
-        """Values, low and high (3, t, n) [bar] of rows (t, n) that follow."""
+        """Values, low and high (3, t, n) [bar] of rows (t, n) that follow, cooled."""
         model = self._calibration
         scaled = (counts - model.rest - self.session.shift) / model.span
         if self._state is None:

@@ -415,3 +415,52 @@ def test_a_recording_of_ours_renews_the_rest(files, tmp_path):
     file.close()
     words = ("calibrate", "rest", tmp_path / "rest.mcap", "-o", tmp_path / "out")
     assert json.loads(run(*words, "--json").stdout)["samples"] == 300
+
+
+def slots(seed, warmer, *, wander=True):
+    """Counts of eight modules of twelve slots, temperatures in slots 6 and 10, and the load."""
+    rng, rows, n = np.random.default_rng(seed), 6000, 96
+    load = np.repeat(rng.uniform(0, 2, rows // 60) * (rng.random(rows // 60) > 0.4), 60)
+    load[:400] = load[-200:] = 0.0
+    warm = warmer + wander * 6 * np.sin(np.linspace(0, 9, rows))[:, None] * np.ones(8)
+    warm = warm + rng.normal(0, 1, 8) + rng.normal(0, 0.2, warm.shape)
+    gains, drifts = np.random.default_rng(7).normal([[30.0], [-0.8]], [[4.0], [0.2]], (2, n))
+    own = np.arange(n) // 12
+    counts = 235 - np.outer(load, gains) + drifts * warm[:, own] + rng.normal(0, 0.4, (rows, n))
+    thermal = np.isin(np.arange(n) % 12, (6, 10))
+    counts[:, thermal] = 120 + warm[:, own[thermal]]
+    channel = np.where(thermal, -1, 12 * own + 6)
+    return {
+        "samples": counts.round().clip(0, 255).astype(np.uint8), "times": np.arange(rows) / 50,
+        "pressure_bar": load, "temperature_channel": channel,
+    }  # fmt: skip
+
+
+def test_temperatures_of_modules_are_taken_out(tmp_path):
+    np.savez(tmp_path / "chamber.npz", **slots(1, 0))
+    plain = {k: v for k, v in slots(1, 0).items() if k != "temperature_channel"}
+    np.savez(tmp_path / "plain.npz", **plain)
+    other = slots(2, 12)
+    rms = {}
+    for name in ("chamber", "plain"):
+        out = tmp_path / name
+        words = ["calibrate", "load", str(tmp_path / f"{name}.npz"), "-o", str(out)]
+        assert CliRunner().invoke(cli, words).exit_code == 0
+        found = LoadCalibration.read(out)
+        values, low, high = found.pressures(other["samples"], other["times"], zero="none")
+        known = np.isfinite(values)
+        wanted = np.broadcast_to(other["pressure_bar"][:, None], values.shape)
+        rms[name] = float(np.sqrt(((values - wanted)[known] ** 2).mean()))
+        if name == "chamber":
+            assert known.any(axis=0).sum() == 80
+            assert ((low <= wanted) & (wanted <= high))[known].mean() > 0.9
+    assert rms["chamber"] < 0.06
+    assert rms["plain"] > 3 * rms["chamber"]  # the control
+
+
+@pytest.mark.parametrize("channel", [np.full(5, 1), np.full(96, 96), np.full(96, 0.5)])
+def test_channels_of_temperatures_are_checked(channel, tmp_path):
+    np.savez(tmp_path / "c.npz", **(slots(1, 0) | {"temperature_channel": channel}))
+    words = ["calibrate", "load", str(tmp_path / "c.npz"), "-o", str(tmp_path / "out")]
+    result = CliRunner().invoke(cli, words)
+    assert "temperature_channel must be 96 channels" in str(result.exception)

@@ -74,7 +74,7 @@ def _row(
 ) -> LoadRow:
     values, low, high = found
     answered = np.isfinite(values)
-    zeroed = calibration.session(one.samples, one.rate, zero=zero).zeroed
+    zeroed = calibration.session(calibration.cooled(one.samples), one.rate, zero=zero).zeroed
     start = float(one.times[0])
     age = 0.0 if zeroed else (start - calibration.zeroed if start > CALENDAR else None)
     width = float(np.nanmean(high - low)) if answered.any() else None

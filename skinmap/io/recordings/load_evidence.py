@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 PRESSURES = {"pressure_bar": 1.0, "pressure_kpa": 1e-2, "pressure_pa": 1e-5}
 FORCES = {"mass_kg": 9.80665, "stand": 9.80665, "force_n": 1.0}
+THERMAL = "temperature_channel"  # of each channel's module, -1 for none
 PRINTS = "prints"  # areas [mm2] of touches, for areas instead of pressures
 WRENCH = "wrench"  # force [N] and moment [N m] of a sensor behind the skin, in the link's frame
 UNITS = {"psi": "bar = psi x 0.0689476", "mmhg": "bar = mmHg x 0.00133322"}
@@ -53,6 +54,8 @@ class LoadEvidence:
         Which channels felt it; None for all.
     events : (t,) int or None
         Of prints: the touch of each row, -1 for none. Their reference is (k,), one a touch [mm2].
+    thermal : (n,) int or None
+        Channel with the temperature of each channel's module, -1 for none.
     """
 
     name: str
@@ -63,6 +66,7 @@ class LoadEvidence:
     reference_times: FloatArray | None = None
     channels: IntArray | None = None
     events: IntArray | None = None
+    thermal: IntArray | None = None
 
     @property
     def rate(self) -> float:
@@ -156,7 +160,21 @@ def _with_reference(
             "mass_kg with `footprint` and force_n with `channels` press on some",
             path,
         )
-    return LoadEvidence(path.name, samples, times, kind, reference * scale, own, channels)
+    thermal = _thermal(held, samples.shape[1], path)
+    return LoadEvidence(
+        path.name, samples, times, kind, reference * scale, own, channels, thermal=thermal
+    )
+
+
+def _thermal(held: dict[str, NDArray[Any]], n: int, path: Path) -> IntArray | None:
+    if THERMAL not in held:
+        return None
+    found = _numbers(held, THERMAL, path)
+    if len(found) != n or (found != np.floor(found)).any() or found.min() < -1 or found.max() >= n:
+        raise DataFormatError(
+            f"{THERMAL} must be {n} channels, one for each, from 0 to {n - 1}, or -1", path
+        )
+    return found.astype(np.int64)
 
 
 def _prints(

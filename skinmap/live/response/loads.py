@@ -65,7 +65,7 @@ class PartLoads:
         counts = np.asarray(samples, np.float64)
         if not self._stream.session.zeroed:
             self._listen(counts, touched)
-        self._found = PASCALS * self._stream.rows(counts)[:, -1]
+        self._found = PASCALS * self._stream.rows(self._calibration.cooled(counts))[:, -1]
 
     def _listen(self, counts: FloatArray, touched: bool) -> None:
         if touched:
