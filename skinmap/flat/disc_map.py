@@ -15,7 +15,7 @@ from skinmap.flat.disc import Disc
 from skinmap.flat.methods import apply_flattener, check_effort
 from skinmap.geometry.topology import check_surface, loop_length, loops_by_length
 from skinmap.geometry.triangles import vertex_normals
-from skinmap.surface.holes import close_loop
+from skinmap.surface.holes import close_loop, used_chords
 
 logger = logging.getLogger(__name__)
 
@@ -150,11 +150,13 @@ def _prepare(vertices: FloatArray, faces: IntArray, where: str) -> tuple[Disc, f
     loops = loops_by_length(vertices, faces)
     if not loops:
         raise FlatteningError(f"{where} is closed: cut it open first")
-    filled = [faces]
+    filled, normals = [faces], vertex_normals(vertices, faces)
     for loop in loops[1:]:
         if loop_length(vertices, loop) > HOLE_SHARE * loop_length(vertices, loops[0]):
             raise FlatteningError(f"{where} is a tube or has a wide hole: cut it open first")
-        filled.append(close_loop(vertices, vertex_normals(vertices, faces), loop))
+        used = used_chords(np.concatenate(filled), loop)
+        closed = close_loop(vertices, normals, loop, used=used)
+        filled.append(closed if len(closed) else close_loop(vertices, normals, loop))
     centre, size = vertices.mean(axis=0), float(np.ptp(vertices, axis=0).max())
     disc = Disc((vertices - centre) / (size or 1.0), np.concatenate(filled), loops[0])
     if disc.smallest_altitudes[: len(faces)].min() <= NO_AREA:

@@ -27,6 +27,7 @@ from skinmap.skin.svg_picture import svg_picture
 from skinmap.summary import Drawable, Summary, listed
 from skinmap.surface.surface_mesh import SurfaceMesh
 
+STRETCHED, SLIT = 0.5, 4.5  # error of edges that is warned of, and the energy that mends it
 ISOMETRY = 4.0  # symmetric Dirichlet energy of a map without distortion
 
 __all__ = ["DEFAULT", "HOLE_SHARE", "Chart", "FlatMap", "flatten", "flatten_disc"]
@@ -358,6 +359,13 @@ def _flatten_patch(
     seconds = time.process_time() - started
     cut, flat = opened.cut, opened.flat
     distortion = measure_distortion(vertices[cut.origin], cut.faces, flat.uv)
+    if cutting.max_distortion is None and distortion.edge_rms > STRETCHED:
+        warnings.warn(
+            f"{where} is stretched by {distortion.edge_rms:.0%} (edges, rms): a max-distortion of "
+            f"{SLIT:g} slits it further",
+            SkinWarning,
+            stacklevel=4,
+        )
     return Chart(
         patch,
         taxels[cut.origin],

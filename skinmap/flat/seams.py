@@ -13,7 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidMeshError
 from skinmap.geometry.topology import (
-    border_edges,
+    boundary_loops,
     edges,
     euler_number,
     face_components,
@@ -94,21 +94,24 @@ def open_surface(
         again = {"avoid": avoid, "touched": touched, "untouched": untouched}
         return _open_further(vertices, faces, along, hole_share, again)
     price = _Price(vertices, avoid, touched, untouched)
-    cuts = np.zeros((0, 2), np.int64)
-    loops = loops_by_length(vertices, faces)
+    none, loops = np.zeros((0, 2), np.int64), loops_by_length(vertices, faces)
     limit = hole_share * loop_length(vertices, loops[0]) if loops else 0.0
     wide = [loop for loop in loops if loop_length(vertices, loop) > limit]
-    for loop in wide[1:]:
-        cuts = np.concatenate([cuts, _seam(price, faces, wide[0], loop, cuts)])
-    if euler_number(faces) != 2 - len(loops):
-        small = [loop for loop in loops if loop_length(vertices, loop) <= limit]
-        border = np.unique(np.concatenate([*wide, cuts.ravel()])) if wide else None
-        cuts = np.concatenate([cuts, _handle_cuts(price, faces, border, small)])
-    elif not loops:
-        cuts = _slit(price, faces, slit or far_ends(vertices, faces, 0, 1))
+    if loops:
+        cuts = _opening(price, faces, wide, loops[len(wide) :])
+    else:
+        ends = slit or far_ends(vertices, faces, 0, 1)
+        cuts = (
+            _slit(price, faces, ends)
+            if euler_number(faces) == 2
+            else (_handle_cuts(price, faces, None, [], none))
+        )
     if len(cuts) == 0:
         return CutMesh(faces, np.arange(len(vertices)), 0.0)
     opened, origin = split_along(faces, cuts)
+    if face_components(opened).any():  # a seam along a small hole cuts out what lies between
+        cuts = _opening(price, faces, loops, [])
+        opened, origin = split_along(faces, cuts)
     return CutMesh(opened, origin, float(price.lengths(cuts).sum()))
 
 
@@ -213,14 +216,16 @@ def path_from_border(
 ) -> IntArray:
     """Edges (c, 2), each once, of the cheapest ways from the border to some vertices (k,).
 
-    They form trees rooted on the border: cutting them leaves the surface in one piece.
+    They form trees rooted on the outer border: cutting them leaves the surface in one piece.
     """
     pairs, n = edges(faces), int(faces.max()) + 1
-    border = np.unique(border_edges(faces))
-    cost = price(pairs)
-    on_border = np.zeros(n, bool)
+    border, *holes = sorted(boundary_loops(faces), key=len, reverse=True)
+    cost, on_border, on_hole = price(pairs), np.zeros(n, bool), np.zeros(n, bool)
     on_border[border] = True
-    cost = np.where(on_border[pairs].all(axis=1), cost.sum(), cost)
+    for hole in holes:  # a way from a hole would widen it
+        on_hole[hole] = True
+    away = on_border[pairs].all(axis=1) | on_hole[pairs].any(axis=1)
+    cost = np.where(away, cost.sum(), cost)
     graph = _graph(n, pairs, cost)
     _, before = _ways_from(graph, border)
     ways = [_walk_back(end, before) for end in ends.tolist()]
@@ -269,13 +274,31 @@ class _Price:
         return _graph(len(self.vertices), pairs, self.of(pairs))
 
 
-def _seam(
-    price: _Price, faces: IntArray, outer: IntArray, inner: IntArray, cuts: IntArray
+def _opening(
+    price: _Price, faces: IntArray, wide: Sequence[IntArray], small: list[IntArray]
 ) -> IntArray:
-    """Edges (c, 2) of the cheapest path between two loops, earlier cuts counting as border."""
-    sources = np.unique(np.concatenate([outer, cuts.ravel()]))
-    cost, before = _ways_from(price.graph(faces), sources)
-    return _walk_back(int(inner[np.argmin(cost[inner])]), before)
+    """Edges (c, 2) of seams that join wide loops and open handles; small loops stay holes."""
+    cuts = _seams(price, faces, wide)
+    if euler_number(faces) == 2 - len(wide) - len(small):
+        return cuts
+    border = np.unique(np.concatenate([*wide, cuts.ravel()]))
+    return np.concatenate([cuts, _handle_cuts(price, faces, border, small, cuts)])
+
+
+def _seams(price: _Price, faces: IntArray, loops: Sequence[IntArray]) -> IntArray:
+    """Edges (c, 2) of the cheapest paths that join all loops.
+
+    The nearest loop comes next: no way to it touches another one, which would cut out a piece.
+    """
+    graph, left = price.graph(faces), list(loops[1:])
+    reached, cuts = loops[0], [np.zeros((0, 2), np.int64)]
+    while left:
+        cost, before = _ways_from(graph, np.unique(reached))
+        nearest = min(range(len(left)), key=lambda k: float(cost[left[k]].min()))
+        loop = left.pop(nearest)
+        cuts.append(_walk_back(int(loop[np.argmin(cost[loop])]), before))
+        reached = np.concatenate([reached, loop, cuts[-1].ravel()])
+    return np.concatenate(cuts)
 
 
 def _slit(price: _Price, faces: IntArray, ends: tuple[int, ...]) -> IntArray:
@@ -289,7 +312,11 @@ def _slit(price: _Price, faces: IntArray, ends: tuple[int, ...]) -> IntArray:
 
 
 def _handle_cuts(
-    price: _Price, faces: IntArray, border: IntArray | None, holes: list[IntArray]
+    price: _Price,
+    faces: IntArray,
+    border: IntArray | None,
+    holes: list[IntArray],
+    cuts: IntArray,
 ) -> IntArray:
     """Edges (c, 2) that open every handle: two loops for each, the shortest from the border.
 
@@ -312,16 +339,21 @@ def _handle_cuts(
     tried = (
         [border] if border is not None else np.linspace(0, n - 1, ROOTS, dtype=np.int64)[:, None]
     )
-    found = [_system_of_loops(filled, pairs, cost, graph, roots) for roots in tried]
+    found = [_system_of_loops(filled, pairs, cost, graph, roots, cuts) for roots in tried]
     return min(found, key=lambda cut: float(price.lengths(cut).sum()))
 
 
 def _system_of_loops(
-    faces: IntArray, pairs: IntArray, cost: FloatArray, graph: csr_array, roots: IntArray
+    faces: IntArray,
+    pairs: IntArray,
+    cost: FloatArray,
+    graph: csr_array,
+    roots: IntArray,
+    cuts: IntArray,
 ) -> IntArray:
     """Edges (c, 2) of the loops from the roots that open every handle."""
     far, before = _ways_from(graph, roots)
-    joined = _left_over(faces, pairs, far[pairs].sum(axis=1) + cost, before, roots)
+    joined = _left_over(faces, pairs, far[pairs].sum(axis=1) + cost, before, cuts)
     steps = [
         np.concatenate([pair[None], *(_walk_back(int(end), before) for end in pair)])
         for pair in pairs[joined]
@@ -330,14 +362,14 @@ def _system_of_loops(
 
 
 def _left_over(
-    faces: IntArray, pairs: IntArray, loop: FloatArray, before: IntArray, roots: IntArray
+    faces: IntArray, pairs: IntArray, loop: FloatArray, before: IntArray, cuts: IntArray
 ) -> IntArray:
     """Edges in neither tree, where the tree of faces crosses what would make the longest loops."""
     n = len(before)
     key = pairs @ [n, 1]
     ways = np.flatnonzero(before >= 0)
     walked = np.sort(np.column_stack([ways, before[ways]]), axis=1) @ [n, 1]
-    free = ~np.isin(key, walked) & ~np.isin(pairs, roots).all(axis=1)
+    free = ~np.isin(key, [*walked, *(np.sort(cuts, axis=1) @ [n, 1])])
     directed = half_edges(faces)
     of_edge = np.searchsorted(key, np.sort(directed, axis=1) @ [n, 1])
     order = np.argsort(of_edge, kind="stable")
@@ -393,7 +425,7 @@ def _walk_back(end: int, before: IntArray) -> IntArray:
     path = [end]
     while before[path[-1]] >= 0:
         path.append(int(before[path[-1]]))
-    return np.column_stack([path[:-1], path[1:]])
+    return np.column_stack([path[:-1], path[1:]]).astype(np.int64)  # of no step, too
 
 
 def touch_counts(touches: Sequence[IntArray], n: int) -> FloatArray:

@@ -41,13 +41,13 @@ def fill_holes(
     for number, loop in enumerate(loops):
         if number in outer or len(loop) > largest:
             continue
-        patch = close_loop(points, normals, loop, used=_used(np.concatenate(patches), loop))
+        patch = close_loop(points, normals, loop, used=used_chords(np.concatenate(patches), loop))
         if len(patch) and is_solid(points, normals, patch, least_altitude).all():
             patches.append(patch)
     return np.concatenate(patches)
 
 
-def _used(faces: IntArray, loop: IntArray) -> BoolArray:
+def used_chords(faces: IntArray, loop: IntArray) -> BoolArray:
     """(k, k) whether the mesh has an edge between two vertices of a loop that is none of its."""
     place = np.full(int(faces.max()) + 1, -1)
     place[loop] = np.arange(len(loop))

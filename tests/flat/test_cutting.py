@@ -5,6 +5,7 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
+from skinmap.errors import SkinWarning
 from skinmap.flat.flat_map import flatten, flatten_disc
 from skinmap.flat.mesh_charts import flatten_mesh
 from skinmap.flat.seams import divided_touches, open_surface, split_along, touch_counts
@@ -271,3 +272,36 @@ def test_a_touch_is_divided_where_both_sides_of_the_seam_have_some_of_it():
     assert divided_touches(cut.faces, cut.origin, [around]) == 1
     assert divided_touches(cut.faces, cut.origin, [around[3:]]) == 0  # its rim is on the seam
     assert divided_touches(cut.faces, cut.origin, [around[4:]]) == 0
+
+
+def sampled(solid, count):
+    """A skin of irregular taxels all over a solid, with gaps of several sizes."""
+    points, own = trimesh.sample.sample_surface_even(solid, count, seed=1)
+    return skin_from_points(np.asarray(points), solid.face_normals[own])
+
+
+@pytest.mark.parametrize("name", ["sphere", "torus", "plate", "cone", "box"])
+@pytest.mark.filterwarnings("ignore::skinmap.errors.SkinWarning")
+def test_irregular_skins_all_over_a_solid_lie_flat_without_flips(name):
+    made = trimesh.creation
+    solid, count = {
+        "sphere": (made.icosphere(4, 0.06), 400),
+        "torus": (made.torus(0.06, 0.02), 500),
+        "plate": (made.box([0.1, 0.004, 0.1]), 600),  # holes that touch, handles through the plate
+        "cone": (made.cone(0.05, 0.1, sections=80), 300),
+        "box": (made.box([0.08, 0.06, 0.05]), 500),
+    }[name]
+    mesh = build_surface(sampled(solid, count))
+    for more in ({}, {"max_distortion": 4.5}):
+        flat = flatten(mesh, **more)
+        assert sum(chart.distortion.flips for chart in flat.charts) == 0
+        assert {t for chart in flat.charts for t in chart.taxels} == set(np.unique(mesh.faces))
+
+
+def test_a_finger_that_is_stretched_is_warned_of_and_slits_mend_it():
+    mesh = build_surface(sampled(trimesh.creation.capsule(0.04, 0.008, count=[40, 40]), 160))
+    with pytest.warns(SkinWarning, match="is stretched by .* a max-distortion of 4.5 slits it"):
+        stretched = flatten(mesh)
+    slit = flatten(mesh, max_distortion=4.5)
+    assert stretched.charts[0].distortion.edge_rms > 0.5
+    assert slit.charts[0].distortion.edge_rms < 0.25
