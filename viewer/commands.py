@@ -326,7 +326,10 @@ def _with_recording(options: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _is_recording(path: Path) -> bool:
-    return path.suffix.lower() in RECORDINGS or (path / "data.log").is_file()
+    from skinmap.io.recordings.touch_files import is_foreign
+
+    known = path.suffix.lower() in RECORDINGS or (path / "data.log").is_file()
+    return known or (path.is_file() and is_foreign(path))
 
 
 def _counts(layer: str | None) -> bool:

@@ -338,7 +338,11 @@ def command(
     """
     if calibrations and format not in (TOUCHED, IMAGES, CONTACTS):
         raise click.UsageError("--calibration needs --format contacts")
-    recorded = _is_recording(Path(robot))
+    from skinmap.io.recordings.touch_files import is_foreign
+
+    recorded = _is_recording(Path(robot)) or (
+        format in (RERUN, CONTACTS, *FOLDERS) and is_foreign(Path(robot))
+    )
     if format in (RERUN, CONTACTS, *FOLDERS) and not recorded:
         raise click.UsageError(f"{format} is for recordings, and {robot} is not one")
     result: Exported

@@ -27,6 +27,7 @@ from skinmap.skin.svg_picture import svg_picture
 from skinmap.summary import Drawable, Summary, listed
 from skinmap.surface.surface_mesh import SurfaceMesh
 
+STRETCHING = ("tutte", "harmonic", "lscm", "bff", "fast")  # methods that do not keep lengths
 STRETCHED, SLIT = 0.5, 4.5  # error of edges that is warned of, and the energy that mends it
 ISOMETRY = 4.0  # symmetric Dirichlet energy of a map without distortion
 
@@ -359,7 +360,8 @@ def _flatten_patch(
     seconds = time.process_time() - started
     cut, flat = opened.cut, opened.flat
     distortion = measure_distortion(vertices[cut.origin], cut.faces, flat.uv)
-    if cutting.max_distortion is None and distortion.edge_rms > STRETCHED:
+    keeps = flat.method not in STRETCHING and cutting.max_distortion is None
+    if keeps and distortion.edge_rms > STRETCHED:
         warnings.warn(
             f"{where} is stretched by {distortion.edge_rms:.0%} (edges, rms): a max-distortion of "
             f"{SLIT:g} slits it further",

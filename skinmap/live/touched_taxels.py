@@ -158,6 +158,7 @@ def recordings_of(path: Path) -> list[Path]:
     MissingFileError
         A folder without any.
     """
+    from skinmap.io.recordings.touch_files import is_foreign
     from skinmap.io.ros2.bag import is_bag
 
     if not path.is_dir() or (path / "data.log").exists() or is_bag(path):
@@ -165,7 +166,7 @@ def recordings_of(path: Path) -> list[Path]:
     found = sorted(
         one
         for one in path.rglob("*")
-        if one.suffix.lower() in SUFFIXES
+        if (one.suffix.lower() in SUFFIXES or is_foreign(one))
         and one.is_file()
         and not any(word.startswith(".") for word in one.relative_to(path).parts)
     )

@@ -230,7 +230,9 @@ class Survey:
         if lively.sum() < 4 or np.median(np.abs(self.follows[lively])) < 0.8:
             return False
         course = np.median(self.mean[:, lively] - self.mean[0, lively], axis=1)
-        pieces = np.array([np.median(one) for one in np.array_split(course, PIECES)])
+        pieces = np.array(
+            [np.median(one) for one in np.array_split(course, min(PIECES, len(course)))]
+        )
         # A drift or a step goes one way; a load may, where a reference was pressed along.
         one_way = np.abs(np.diff(pieces)).sum() <= 1.5 * np.ptp(pieces)
         return bool(not one_way or self.track.reference is not None)

@@ -24,6 +24,7 @@ from skinmap.errors import (
     SkinMismatchError,
     check_kind,
 )
+from skinmap.io.recordings.mapping import find_mapping
 from skinmap.io.text import check_file
 
 if TYPE_CHECKING:
@@ -36,7 +37,8 @@ TIMES = ("times", "time", "t", "timestamps", "timestamp", "stamps")
 IDS = ("channels", "taxel_ids", "ids", "channel_ids")
 EVENTS = ("events", "event")
 PRESSURE = {"pressure_bar": 1e5, "pressure_kpa": 1e3, "pressure_pa": 1.0}
-WORDS = {"label": "labels", "session": "sessions", "person": "people"}  # columns of a table
+# Columns of a table.
+WORDS = {"label": "labels", "gesture": "labels", "session": "sessions", "person": "people"}
 UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
 TABLES = (".csv", ".tsv", ".txt")
 ARRAYS = (".npz", ".mat")
@@ -350,7 +352,8 @@ def _from_table(path: Path) -> Track:
     rest = list(lines)
     if not rest:
         raise DataFormatError("a header and no rows", path)
-    beside = [k for k, one in enumerate(names) if one.lower() in (*WORDS, *WORDS.values())]
+    known = _named_columns(path)
+    beside = [k for k, one in enumerate(names) if one.lower() in (*known, *known.values())]
     numbers = [k for k in range(len(names)) if k not in beside]
     table = _numbers_of(rest, numbers, len(names), split, path)
     lower = [names[k].lower() for k in numbers]
@@ -361,7 +364,7 @@ def _from_table(path: Path) -> Track:
     words: dict[str, tuple[str, ...]] = {}
     for k in beside:
         said = tuple(line.rstrip("\n").split(split)[k].strip() for line in rest)
-        words[WORDS.get(names[k].lower(), names[k].lower())] = said
+        words[known.get(names[k].lower(), names[k].lower())] = said
     events = None if event is None else _whole(table[:, event], "event", len(table), path)
     found = {name: words.get(name, ()) for name in ("labels", "sessions", "people")}
     if events is None and found["labels"]:
@@ -376,6 +379,16 @@ def _from_table(path: Path) -> Track:
         str(path), table[:, kept], times, unit, ids, events,
         found["labels"], found["sessions"], found["people"],
     )  # fmt: skip
+
+
+def _named_columns(path: Path) -> dict[str, str]:
+    """What columns of words are, by their names and by the mapping of the file."""
+    mapping = find_mapping(path)
+    if mapping is None:
+        return WORDS
+    own = {"labels": mapping.label_column, "sessions": mapping.session_column,
+           "people": mapping.person_column}  # fmt: skip
+    return WORDS | {column.lower(): name for name, column in own.items() if column}
 
 
 def _is_number(word: str) -> bool:

@@ -201,3 +201,24 @@ def test_arrays_of_others_are_told_from_ours_by_what_they_hold(tmp_path, channel
     (tmp_path / "mapping.toml").unlink()
     with pytest.raises(MissingFileError, match=r"a mapping that names the robot and the part"):
         read_recordings(named)
+
+
+def test_a_table_with_a_mapping_is_a_recording_to_every_command(tmp_path, channels, values):
+    label = ["" if k < 20 else "poke" for k in range(SAMPLES)]
+    quiet = np.where(np.arange(SAMPLES)[:, None] < 20, 0, values)
+    write_csv(tmp_path / "t.csv", channels, quiet, extra=[("what", label)])
+    (tmp_path / "mapping.toml").write_text(MAPPING + 'label_column = "what"\n')
+    run = CliRunner().invoke
+    named = run(cli, ["classify", str(tmp_path / "t.csv"), "--json"])
+    assert json.loads(named.stdout)["events"] == 1
+    examined = run(cli, ["examine", str(tmp_path / "t.csv"), "--json"])
+    (file,) = json.loads(examined.stdout)["files"]
+    assert file["channels"] == len(channels)
+    table, folder = str(tmp_path / "t.csv"), str(tmp_path)
+    for words in (
+        ["export", folder, "--format", "touched", "-o", f"{folder}/o.csv"],
+        ["export", table, "--format", "contacts", "-o", f"{folder}/c.csv"],
+        ["view", table, "--screenshot", f"{folder}/t.png"],
+    ):
+        result = run(cli, words)
+        assert result.exit_code == 0, result.output
