@@ -15,10 +15,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
-from skinmap.geometry.proximity import closest_on_mesh, nearest, ray_hits
+from skinmap.geometry.proximity import closest_on_mesh, nearest
 from skinmap.geometry.rigid import transform_points
 from skinmap.geometry.triangles import TriangleMesh, face_normals
-from skinmap.skin.normals import LIFT
+from skinmap.skin.normals import hidden_views
 from skinmap.skin.skin import Skin
 
 
@@ -80,9 +80,7 @@ def measure_fit(skin: Skin, body: TriangleMesh) -> SkinFit:
     gap = np.zeros((1, 1))
     if len(skin) > 1:
         gap, _ = nearest(skin.positions, 1)
-    lift = skin.normals * (LIFT * skin.spacing)
-    above = ray_hits(skin.positions + lift, skin.normals, body.vertices, body.faces)
-    below = ray_hits(skin.positions - lift, -skin.normals, body.vertices, body.faces)
+    above, below = hidden_views(skin.positions, skin.normals, body)
     angle = np.arccos(np.clip(np.abs(cosine), 0.0, 1.0))
     return SkinFit(distance, gap[:, 0], angle, above & ~below, above & below)
 

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, SkinWarning
 from skinmap.geometry.proximity import (
     closest_on_mesh,
@@ -22,6 +22,7 @@ from skinmap.geometry.triangles import TriangleMesh, face_normals, unit
 NEIGHBOURS = 10  # two rings of a hexagonal lattice, half of them missing at a border
 PATCH_GAP = 2.5  # in spacings: further apart, points belong to different patches
 CLOSE = 1e-4  # nearer to the body a lone taxel lies on it [m]
+INWARD = 0.02  # share of normals that may point into the body before others are looked at
 LIFT = 0.3  # in spacings (2 mm on the iCub): past the cover that taxels lie on or just under
 
 
@@ -69,6 +70,35 @@ def orient_normals(points: FloatArray, normals: FloatArray, labels: IntArray) ->
     return oriented
 
 
+def hidden_views(
+    points: FloatArray, normals: FloatArray, body: TriangleMesh
+) -> tuple[BoolArray, BoolArray]:
+    """Whether (n,) a body hides the view along each normal, and that against it."""
+    lift = normals * (LIFT * median_spacing(points))
+    above = ray_hits(points + lift, normals, body.vertices, body.faces)
+    return above, ray_hits(points - lift, -normals, body.vertices, body.faces)
+
+
+def less_hidden(
+    points: FloatArray, normals: FloatArray, given: FloatArray, body: TriangleMesh
+) -> FloatArray:
+    """Normals (n, 3), or those that are given where these point into the body less often.
+
+    Estimates mix the two sides of a thin body, such as a palm and its back. Where none are given,
+    those of the body's nearest faces are tried.
+    """
+
+    def inward(some: FloatArray) -> float:
+        above, below = hidden_views(points, some, body)
+        return float((above & ~below).mean())
+
+    if len(points) < 3 or (wrong := inward(normals)) <= INWARD:
+        return normals
+    known = np.allclose(np.linalg.norm(given, axis=1), 1.0, atol=0.1)
+    others = unit(given) if known else _lone_normals(points, body, None)
+    return others if inward(others) < wrong / 2 else normals
+
+
 def outward_normals(
     points: FloatArray,
     normals: FloatArray,
@@ -95,9 +125,7 @@ def outward_normals(
         )
         margin = np.einsum("ij,ij->i", points - points.mean(axis=0), normals)
     else:
-        lift = normals * (LIFT * median_spacing(points))
-        above = ray_hits(points + lift, normals, body.vertices, body.faces)
-        below = ray_hits(points - lift, -normals, body.vertices, body.faces)
+        above, below = hidden_views(points, normals, body)
         margin = below.astype(np.float64) - above
     patch = np.unique(labels, return_inverse=True)[1]
     outward[np.bincount(patch, margin)[patch] < 0] *= -1

@@ -20,7 +20,7 @@ from skinmap.arrays import (
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.triangles import TriangleMesh
-from skinmap.skin.normals import repair_normals
+from skinmap.skin.normals import less_hidden, repair_normals
 from skinmap.skin.svg_picture import svg_picture
 from skinmap.skin.taxels import TaxelTable
 from skinmap.summary import Summary
@@ -157,7 +157,9 @@ def skin_from_table(
     up: FloatArray | None = None,
     ring: bool = False,
 ) -> Skin:
-    """A part's skin from its table and its link's mesh: the stored normals are replaced.
+    """A part's skin from its table and its link's mesh; normals are estimated.
+
+    Those of the table are taken where the estimated ones point into the body more often.
 
     `hint` (n, 3) are rough outward directions for where there is no body; `keep_normals` trusts
     the file.
@@ -194,7 +196,11 @@ def skin_from_table(
     """
     if hint is None and len(table) < 3:  # they span no surface: the file alone knows
         hint = table.normals
-    normals = table.normals if keep_normals else repair_normals(table.positions, body, hint)
+    normals = table.normals
+    if not keep_normals:
+        normals = repair_normals(table.positions, body, hint)
+        if body is not None and len(body.faces):
+            normals = less_hidden(table.positions, normals, table.normals, body)
     return Skin(
         part,
         link,

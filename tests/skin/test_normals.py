@@ -2,12 +2,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
 from skinmap.errors import InvalidArrayError, SkinWarning
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.cover import measure_fit
 from skinmap.skin.normals import estimate_normals, repair_normals
-from skinmap.skin.skin import Skin, skin_from_points
+from skinmap.skin.skin import Skin, skin_from_points, skin_from_table
+from skinmap.skin.taxels import TaxelTable
 
 
 def test_repair_normals_of_points_on_a_sphere_are_radial(sphere):
@@ -71,3 +73,20 @@ def test_skin_refuses_channels_of_another_length(hexagons):
     with pytest.raises(InvalidArrayError, match="channels and modules"):
         Skin("p", "l", np.arange(3), np.arange(3), points, up)
     assert len(skin_from_points(points, up)) == len(points)
+
+
+@pytest.mark.parametrize("stored", [True, False])
+def test_both_sides_of_a_thin_body_face_outwards(stored):
+    places = np.stack(np.meshgrid(np.arange(12), np.arange(10)), -1).reshape(-1, 2) * 6e-3
+    front = np.column_stack([places, np.full(120, 6.5e-3)])
+    points = np.concatenate([front, front * [1, 1, -1]])
+    out = np.repeat([[0.0, 0, 1], [0, 0, -1]], 120, axis=0)
+    box = trimesh.creation.box([0.1, 0.1, 0.012])
+    box.apply_translation([0.033, 0.027, 0])
+    body = TriangleMesh(np.asarray(box.vertices), np.asarray(box.faces))
+    index = np.arange(240)
+    table = TaxelTable(index, index // 12, points, out if stored else np.zeros_like(out))
+    alone = repair_normals(points, body)
+    assert (np.einsum("ij,ij->i", alone, out) < 0).sum() >= 100  # the control
+    skin = skin_from_table(table, body, "palm", "hand")
+    np.testing.assert_allclose(skin.normals, out, atol=1e-9)
