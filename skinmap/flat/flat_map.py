@@ -23,6 +23,7 @@ from skinmap.flat.seam_choice import Divided, add_seams, seam_of_touches
 from skinmap.flat.seams import CutMesh, open_surface, price_of, touch_counts
 from skinmap.geometry.raster import enclosing_triangles
 from skinmap.geometry.topology import check_surface, edges
+from skinmap.skin.normals import along_line
 from skinmap.skin.svg_picture import svg_picture
 from skinmap.summary import Drawable, Summary, listed
 from skinmap.surface.surface_mesh import SurfaceMesh
@@ -309,12 +310,11 @@ def flatten(
 
 
 def _lone_taxels(mesh: SurfaceMesh, method: str) -> FlatMap:
-    """The map of one or two taxels: side by side, as far apart as they are."""
-    n = len(mesh.skin)
-    apart = mesh.vertices - mesh.vertices[0]
-    uv = np.column_stack([np.linalg.norm(apart, axis=1), np.zeros(n)])
+    """The map of taxels in a row, or of a single one: as far apart as they are."""
+    n, along = len(mesh.skin), along_line(mesh.vertices)
+    uv = np.column_stack([along, np.zeros(n)])
     uv -= uv.mean(axis=0)
-    one, ends = np.ones(1), np.array([[0, n - 1]])
+    one, ends = np.ones(1), np.array([[along.argmin(), along.argmax()]])
     length = np.array([mesh.skin.spacing])
     true = Distortion(  # an isometry
         one, one, ISOMETRY * one, one, one, 0 * one, 0 * one, length, ends, mesh.taxel_areas[:1], 0

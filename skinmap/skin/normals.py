@@ -145,14 +145,23 @@ def repair_normals(
     InvalidArrayError
         One or two points without hint and body, or more on one line: no surface there.
     """
-    if 0 < len(points) < 3:
+    if on_a_line(points):
         return _lone_normals(points, body, hint)
-    centred = points - points.mean(axis=0)
-    if len(points) < 3 or np.linalg.matrix_rank(centred, tol=1e-9 * np.abs(centred).max()) < 2:
-        raise InvalidArrayError(f"{len(points)} taxels that span no surface: no normals there")
     labels = patch_labels(points)
     oriented = orient_normals(points, estimate_normals(points), labels)
     return outward_normals(points, oriented, labels, body, hint)
+
+
+def on_a_line(points: FloatArray) -> bool:
+    """Whether points (n, 3) span no surface."""
+    centred = points - points.mean(axis=0) if len(points) else points
+    return len(points) < 3 or np.linalg.matrix_rank(centred, tol=1e-9 * np.abs(centred).max()) < 2
+
+
+def along_line(points: FloatArray) -> FloatArray:
+    """(n,) places of points (n, 3) on the line through them, from the first one [m]."""
+    away = points - points[0]
+    return np.asarray(away @ unit(away[np.argmax(np.linalg.norm(away, axis=1))]))
 
 
 def _lone_normals(

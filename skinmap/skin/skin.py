@@ -20,7 +20,7 @@ from skinmap.arrays import (
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.triangles import TriangleMesh
-from skinmap.skin.normals import less_hidden, repair_normals
+from skinmap.skin.normals import less_hidden, on_a_line, repair_normals
 from skinmap.skin.svg_picture import svg_picture
 from skinmap.skin.taxels import TaxelTable
 from skinmap.summary import Summary
@@ -194,7 +194,7 @@ def skin_from_table(
     >>> len(skin_from_table(table, robot.mesh_under("left_hand"), "left_hand", "l_hand"))
     48
     """
-    if hint is None and len(table) < 3:  # they span no surface: the file alone knows
+    if hint is None and on_a_line(table.positions):  # they span no surface: the file alone knows
         hint = table.normals
     normals = table.normals
     if not keep_normals:

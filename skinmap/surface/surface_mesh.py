@@ -14,6 +14,7 @@ from skinmap.arrays import FloatArray, IntArray, check_faces, freeze
 from skinmap.errors import InvalidMeshError, UnknownNameError
 from skinmap.geometry.topology import check_surface, face_components
 from skinmap.geometry.triangles import TriangleMesh, vertex_areas
+from skinmap.skin.normals import on_a_line
 from skinmap.skin.skin import Skin, skin_from_points
 from skinmap.summary import Drawable
 from skinmap.surface.accurate import accurate_faces
@@ -158,7 +159,7 @@ def build_surface(
     UnknownNameError
         No such method.
     InvalidMeshError
-        Three or more taxels at fewer than three places, none that are close enough to be joined,
+        Three or more taxels at fewer than three places, none that are near enough to be joined,
         faces that are no oriented manifold, or no body for "accurate".
 
     Examples
@@ -172,7 +173,8 @@ def build_surface(
         return surface_from_faces(skin, faces)
     if method not in MESHING:
         raise UnknownNameError("meshing method", method, MESHING)
-    if 0 < len(skin.positions) < 3:
+    places = len(np.unique(skin.positions, axis=0))
+    if 0 < len(skin) < 3 or (places > 2 and on_a_line(skin.positions)):
         none = np.zeros(0, np.int64)
         return SurfaceMesh(skin, none.reshape(0, 3), np.arange(len(skin)), none)
     if skin.pieces is not None:

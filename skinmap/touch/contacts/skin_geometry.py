@@ -18,6 +18,7 @@ from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.geometry.proximity import bridged_graph, path_distances
 from skinmap.geometry.topology import edges, half_edges
 from skinmap.geometry.triangles import unit
+from skinmap.skin.normals import along_line
 from skinmap.summary import Drawable, Summary, listed
 from skinmap.surface.surface_mesh import SurfaceMesh
 
@@ -115,8 +116,9 @@ def measure_skin(mesh: SurfaceMesh) -> SkinGeometry:
     same = np.column_stack([merged, mesh.representative[merged]])
     border = border_taxels(mesh)
     pairs = edges(mesh.faces)
-    if len(mesh.faces) == 0 and len(points) == 2 and mesh.skin.spacing <= BRIDGE:
-        pairs = np.array([[0, 1]])
+    if len(mesh.faces) == 0 and len(points) > 1:  # taxels in a row
+        order, along = np.argsort(along_line(points)), np.sort(along_line(points))
+        pairs = np.column_stack([order[:-1], order[1:]])[np.diff(along) <= BRIDGE]
     links = np.concatenate([pairs, same])
     bridged = np.concatenate([links, _facing(mesh, border)])
     if mesh.skin.ring:
