@@ -91,11 +91,8 @@ def test_near_coincident_taxels_share_a_vertex_or_stand_alone(gap):
     assert np.isfinite(flat.uv).all()
 
 
-@pytest.mark.parametrize("points", [
-    np.zeros((0, 3)), np.zeros((5, 3)),
-    np.outer(np.arange(6.0), [1, 2, 3]),
-])  # fmt: skip
-def test_too_few_or_collinear_points_are_named(points):
+@pytest.mark.parametrize("points", [np.zeros((0, 3)), np.zeros((5, 3))])
+def test_too_few_points_are_named(points):
     normals = np.tile([0.0, 0, 1], (len(points), 1))
     with pytest.raises(SkinError, match=r"distinct taxels|no three"):
         build_surface(skin_from_points(points, normals))

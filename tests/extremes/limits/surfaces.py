@@ -169,12 +169,6 @@ LAWS = [
                 lambda: build_surface(skin_from_points(np.zeros((3, 3)), np.eye(3))),
                 "distinct taxels",
             ),
-            Outside(
-                "a row of taxels",
-                InvalidMeshError,
-                lambda: build_surface(skin_from_points(SLIVER[:3], np.tile([0.0, 0, 1], (3, 1)))),
-                "no three of",
-            ),
         ),
         unit="rows and columns",
     ),
