@@ -10,6 +10,7 @@ from click.testing import CliRunner
 import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import InvalidArrayError
+from skinmap.live.contacts.contact_forces import PartForces
 from skinmap.skin.normals import repair_normals
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch import measure_skin
@@ -36,6 +37,14 @@ def test_it_has_a_map_contacts_and_neighbours(row):
     assert sorted(sorted(ORDER[one.taxels].tolist()) for one in found) == [[3, 4, 5], [12, 13]]
     counts = (PreparedSkin.of(mesh).neighbourhoods().index >= 0).sum(axis=1)
     assert sorted(counts.tolist()) == [1, 1] + [2] * 18
+
+
+def test_forces_of_its_contacts_are_pressures_on_the_areas_of_its_taxels(row):
+    forces = PartForces(PreparedSkin.of(skinmap.build_surface(row)))
+    pressed = 1e4 * np.isin(ORDER, [3, 4, 5])
+    found = forces.contact(np.flatnonzero(pressed), pressed, 0.9 * pressed, 1.1 * pressed)
+    assert found.force.value == pytest.approx(3e4 * forces.areas[0])
+    np.testing.assert_allclose(found.normal, [0, 0, 1], atol=1e-12)
 
 
 def test_its_normals_come_from_the_table_or_the_body(row):

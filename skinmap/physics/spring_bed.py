@@ -9,6 +9,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
+from skinmap.errors import InvalidMeshError
 from skinmap.geometry.proximity import bridged_graph, median_spacing
 from skinmap.geometry.triangles import face_areas, face_normals, unit
 from skinmap.skin.skin import Skin
@@ -72,6 +73,8 @@ def spring_bed(skin: Skin, mesh: SurfaceMesh | None = None) -> SpringBed:
     """
     mesh = build_surface(skin) if mesh is None else mesh
     spacing = median_spacing(skin.positions)
+    if len(mesh.faces) == 0:
+        raise InvalidMeshError(f"the taxels of {skin.part!r} lie in a row: no surface to press on")
     corners = skin.positions[mesh.faces]
     weights = _middles(max(1, round(spacing / CELL)))
     places = np.einsum("kc,fcd->fkd", weights, corners).reshape(-1, 3)

@@ -251,6 +251,8 @@ def _skin(skin: Skin, body: ET.Element, asset: ET.Element, sensors: ET.Element) 
         faces = build_surface(skin).faces
     except InvalidMeshError as error:
         raise InvalidMeshError(f"part {skin.part!r} as MJCF: {error}") from error
+    if len(faces) == 0:
+        raise InvalidMeshError(f"part {skin.part!r} as MJCF: its taxels lie in a row: no surface")
     # The normal and two tangents, which MuJoCo measures slip along.
     axes = np.concatenate([skin.normals[:, None], tangent_frames(skin.normals)], axis=1)
     name = skin.part

@@ -151,21 +151,22 @@ class PartForces:
         if self.answered.shape != (n,):
             raise SkinMismatchError(f"{len(self.answered)} taxels are calibrated, the part has {n}")
         self.skin, self.areas = skin, skin.geometry.areas
-        bed = spring_bed(skin.skin, skin.mesh)
-        own = np.flatnonzero(self.answered)
-        wide = SPREAD if covering is None else max(SPREAD, covering.spread)
-        feels = csr_array(bed.spread(wide)[own])
-        moments = np.cross(bed.places, bed.normals)
-        wanted = np.column_stack([np.ones(len(bed.places)), -bed.normals, -moments])
+        own, found = np.flatnonzero(self.answered), np.zeros((n, 7))
         normals, places = skin.skin.normals[own], skin.skin.positions[own]
         plain = self.areas[own, None] * np.column_stack(
             [np.ones(len(own)), -normals, -np.cross(places, normals)]
         )
-        square = feels @ feels.T
-        # A taxel that feels no cell keeps its plain area.
-        held = diags_array(HELD * np.maximum(square.diagonal(), 1e-6))
-        found = np.zeros((n, 7))
-        found[own] = spsolve((square + held).tocsc(), feels @ wanted + held @ plain)
+        found[own] = plain
+        if len(skin.mesh.faces):  # taxels in a row have no surface between them
+            bed = spring_bed(skin.skin, skin.mesh)
+            wide = SPREAD if covering is None else max(SPREAD, covering.spread)
+            feels = csr_array(bed.spread(wide)[own])
+            moments = np.cross(bed.places, bed.normals)
+            wanted = np.column_stack([np.ones(len(bed.places)), -bed.normals, -moments])
+            square = feels @ feels.T
+            # A taxel that feels no cell keeps its plain area.
+            held = diags_array(HELD * np.maximum(square.diagonal(), 1e-6))
+            found[own] = spsolve((square + held).tocsc(), feels @ wanted + held @ plain)
         self.weights, self.vectors, self.moments = found[:, 0], found[:, 1:4], found[:, 4:]
 
     def contact(
