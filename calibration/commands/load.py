@@ -230,16 +230,11 @@ def work(
 
 def _printed(held: list[LoadEvidence], calibration: LoadCalibration, skin: Skin | None) -> PrintFit:
     """Areas of contacts from prints."""
-    from calibration.response.area_by_prints import Printed, fit_prints
+    from calibration.response.area_by_prints import fit_prints
 
     if skin is None:
         raise SkinMismatchError(f"{held[0].name}: prints need --part: areas are those of its mesh")
-    several = [
-        Printed(one.name, one.samples, one.times, one.events, 1e-6 * one.reference)
-        for one in held
-        if one.events is not None
-    ]
-    return fit_prints(several, calibration, skin)
+    return fit_prints(held, calibration, skin)
 
 
 def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:

@@ -6,16 +6,16 @@ Pressure reaches taxels through foam and covers more than what touches. The cove
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
 from scipy.stats import t
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
+from skinmap.io.recordings.load_evidence import LoadEvidence
 from skinmap.live.contacts.contact_forces import FELT, SPREAD, PartForces
 from skinmap.live.response.loads import heaviest_load
 from skinmap.skin.skin import Skin
@@ -28,31 +28,6 @@ FELT_COUNTS = 3.0  # that a taxel of a touch moves by at least
 WORST = 1.0  # scatter of the logarithm of areas from which prints are refused
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Printed:
-    """One recording of touches whose prints are known.
-
-    Attributes
-    ----------
-    name : str
-        Of its file.
-    samples : (t, n) array
-        Raw counts.
-    times : (t,) float
-        [s].
-    events : (t,) int
-        Touch of each row, -1 for none.
-    areas : (k,) float
-        What each touch covers [m2].
-    """
-
-    name: str
-    samples: FloatArray
-    times: FloatArray
-    events: IntArray
-    areas: FloatArray
-
-
 class PrintFit(NamedTuple):
     """Prints that taught, and the median error of each by the others."""
 
@@ -61,13 +36,15 @@ class PrintFit(NamedTuple):
     error: float
 
 
-def fit_prints(evidence: list[Printed], calibration: LoadCalibration, skin: Skin) -> PrintFit:
+def fit_prints(
+    evidence: Sequence[LoadEvidence], calibration: LoadCalibration, skin: Skin
+) -> PrintFit:
     """Fit how pressures of a skin cover areas.
 
     Parameters
     ----------
-    evidence : list of Printed
-        Touches on the n taxels of the skin.
+    evidence : sequence of LoadEvidence
+        Of prints, on the n taxels of the skin.
     calibration : LoadCalibration
         Of the same taxels.
     skin : Skin
@@ -105,11 +82,11 @@ def fit_prints(evidence: list[Printed], calibration: LoadCalibration, skin: Skin
 
 
 def _felt(
-    one: Printed, calibration: LoadCalibration, forces: PartForces
+    one: LoadEvidence, calibration: LoadCalibration, forces: PartForces
 ) -> Iterator[tuple[float, float]]:
     """Area of the pressed taxels, and of the print, for each touch that is felt [m2]."""
     found = calibration.pressures(one.samples, one.times)
-    for k, area in enumerate(one.areas):
+    for k, area in enumerate(1e-6 * one.reference):
         rows = np.flatnonzero(one.events == k)
         highest = found[0][rows].max(axis=0, initial=0.0)
         taxels = highest > max(FELT * np.nanmax(highest), FELT_COUNTS * calibration.count_bar)
