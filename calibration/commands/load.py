@@ -182,6 +182,8 @@ def work(
                 "a wrench is fitted alone and needs --part: its sum goes over the mesh of a part",
                 evidence[0],
             )
+        if pressed[0].thermal is not None:
+            raise DataFormatError("a wrench is fitted without temperature_channel", evidence[0])
         fit = fit_wrench(pressed[0], skin, when=when, fingerprint=marks)
     else:
         area = float("nan") if area_mm2 is None else area_mm2

@@ -71,7 +71,9 @@ def fit_prints(
     ])  # fmt: skip
     gain, spread = _fitted(guess, true)
     free = len(true) - 2
-    doubt = float(np.sqrt((np.log(left) ** 2).mean()) * t.ppf(0.95, free) / NORMAL_90)
+    doubt = float(
+        np.sqrt((np.log(np.maximum(left, 1e-9)) ** 2).mean()) * t.ppf(0.95, free) / NORMAL_90
+    )
     if doubt > WORST or gain <= 0:
         raise InvalidArrayError(
             f"{evidence[0].name}: the areas of pressed taxels do not follow the prints: are they "

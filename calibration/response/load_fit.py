@@ -217,7 +217,7 @@ def fit_load(
 
 
 def _warmth(evidence: Sequence[Pressed], wanted: Sequence[FloatArray]) -> Warmth | None:
-    """How rest follows the temperatures, of taxels whose rest is told better with them."""
+    """Effect of temperatures on rest, of taxels whose rest they explain on stretches left out."""
     channel = evidence[0].thermal
     if channel is None:
         return None

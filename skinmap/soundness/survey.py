@@ -264,7 +264,7 @@ class Survey:
         far = self.response > self.floor
         peak = (self.high - self.mean) if self.rising else (self.mean - self.low)
         if self.two_sided:
-            peak = np.maximum(peak, self.mean - self.low)
+            peak = np.maximum(self.high - self.mean, self.mean - self.low)
         return np.asarray(far | (self.response + peak > 1.5 * self.floor))
 
     @cached_property

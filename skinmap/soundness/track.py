@@ -382,7 +382,7 @@ def _from_table(path: Path) -> Track:
 
 
 def _named_columns(path: Path) -> dict[str, str]:
-    """What columns of words are, by their names and by the mapping of the file."""
+    """Fields of columns of words, by their names and by the mapping of the file."""
     mapping = find_mapping(path)
     if mapping is None:
         return WORDS

@@ -69,7 +69,7 @@ class Covering(NamedTuple):
     doubt: float
 
     def area(self, felt: FloatArray | float) -> FloatArray:
-        """What is covered where pressed taxels speak for areas [m2]."""
+        """Covered areas by those that pressed taxels speak for [m2]."""
         less = ROUND * 4.0 * np.pi * self.spread**2
         return self.gain * np.maximum(felt - less, LEAST_COVERED * np.asarray(felt))
 
@@ -93,7 +93,6 @@ class Warmth(NamedTuple):
 
     def corrected(self, counts: NDArray[Any]) -> NDArray[Any]:
         """Counts (..., n) as they were at the usual temperature."""
-        found = np.array(counts, np.float32)
         found = np.array(counts, np.float32)
         own = np.flatnonzero(self.channel >= 0)
         found[..., own] -= self.slope[own] * (counts[..., self.channel[own]] - self.usual[own])
@@ -133,9 +132,9 @@ class LoadCalibration:
     mean_s : float
         Running mean of the counts that the weights are for [s].
     covering : Covering or None
-        What prints taught of areas; None without any.
+        Areas as prints teach them; None without any.
     warmth : Warmth or None
-        What temperatures of modules do; None where they are not known.
+        Effect of the temperatures of modules; None where they are not known.
     """
 
     weights: FloatArray
@@ -285,7 +284,7 @@ class LoadCalibration:
         return counts
 
     def cooled(self, counts: NDArray[Any]) -> NDArray[Any]:
-        """Counts (..., n) without what the temperatures of the modules do."""
+        """Counts (..., n) as they were at the usual temperature of the modules."""
         return counts if self.warmth is None else self.warmth.corrected(counts)
 
     def above_rest(self, counts: ArrayLike) -> FloatArray:

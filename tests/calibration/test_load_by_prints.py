@@ -123,6 +123,7 @@ def test_prints_alone_of_no_part_or_of_other_touches_are_refused(skin, tmp_path)
         ("stamps.npz", *part): "a file with a known load is needed",
         ("chamber.npz", "stamps.npz", "-o", "none.d"): "prints need --part",
         ("chamber.npz", "few.npz", *part): "3 prints are felt, 5 are needed",
+        ("chamber.npz", "shuffled.npz", *part): "do not follow the prints",
         ("chamber.npz", "zero.npz", *part): "print 4 has no area",
         ("chamber.npz", "beyond.npz", *part): "events must be whole numbers to 29",
         ("chamber.npz", "pictures.npz", *part): "areas (k,) [mm2]",
@@ -132,6 +133,3 @@ def test_prints_alone_of_no_part_or_of_other_touches_are_refused(skin, tmp_path)
         assert refused.exit_code != 0
         assert message in str(refused.exception)
     assert not (tmp_path / "none.d").exists()
-    wrong = run(tmp_path, "chamber.npz", "shuffled.npz", *part[:2], "-o", "wide.d", "--json")
-    if wrong.exit_code == 0:  # a permutation is doubted by its own scatter
-        assert json.loads(wrong.stdout)["print_error"] > 0.25

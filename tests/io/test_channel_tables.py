@@ -222,3 +222,12 @@ def test_a_table_with_a_mapping_is_a_recording_to_every_command(tmp_path, channe
     ):
         result = run(cli, words)
         assert result.exit_code == 0, result.output
+
+
+def test_a_manifest_beside_a_table_is_no_mapping(tmp_path, channels, values):
+    write_csv(tmp_path / "t.csv", channels, values)
+    (tmp_path / "t.toml").write_text('[robot]\nname = "own"\nmesh = "t.stl"\n')
+    run = CliRunner().invoke
+    assert run(cli, ["examine", str(tmp_path / "t.csv")]).exit_code == 0
+    (tmp_path / "mapping.toml").write_text(MAPPING + 'label = "poke"\n')
+    assert read_recordings(tmp_path / "t.csv")[0].labels == ("poke",)

@@ -90,7 +90,7 @@ def find_mapping(path: Path) -> Mapping | None:
         One that is damaged (says what and where).
     """
     beside = path.with_suffix(".toml")
-    if is_file(beside):
+    if is_file(beside) and "[robot]" not in read_text(beside):  # a manifest beside its taxels
         return read_mapping(beside)
     own = _first_lines(path)
     if own:

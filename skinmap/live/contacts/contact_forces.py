@@ -130,7 +130,7 @@ class PartForces:
     answered : (n,) bool, optional
         Taxels whose pressure is known; all by default. Neighbours stand for the others.
     covering : Covering, optional
-        What prints taught of areas.
+        Areas as prints teach them.
     areas : FloatArray
         Plain areas of the taxels [m2].
     weights : (n,) float

@@ -72,7 +72,8 @@ class PartLoads:
             self._rest = []
             return
         model, own = self._calibration, self.forces.answered
-        level = np.median(((counts - model.rest) / model.span)[:, own]) if own.any() else np.inf
+        away = (model.cooled(counts) - model.rest) / model.span
+        level = np.median(away[:, own]) if own.any() else np.inf
         self._rest = [] if abs(level) > REST_FAR else [*self._rest, counts]
         if sum(map(len, self._rest)) >= self._needed:
             self._stream.zero(np.concatenate(self._rest))
