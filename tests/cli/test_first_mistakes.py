@@ -94,7 +94,7 @@ MISTAKES = {
     "simulate kaspar --per-gesture 1e3": "'1e3' is not a valid whole number",
     "train kaspar": "no file 'kaspar'; expected a recording",
     "train m.skinmodel": "a model where a recording",
-    "train robot/robot.toml": "a manifest, not a mapping",
+    "train robot/robot.toml": "a manifest where a recording",
     "train folder.csv": "'folder.csv' is a folder",
     "train empty.mcap": "an empty file",
     "train t.npz --part nose": "the only recorded part is torso",
