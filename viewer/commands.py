@@ -35,7 +35,7 @@ from viewer.results import DemoResult, ViewFiles, ViewPage, ViewWindow
 # As `viewer.layers` has them, which takes a second to import; a test compares.
 LAYERS = (
     "pressure", "raw", "binary", "structures", "uncertainty", "distortion", "health", "patches",
-    "touched", "changed",
+    "touched", "changed", "difference",
 )  # fmt: skip
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
 MOST_COUNTED = 20_000_000  # bytes of a recording that touches are counted in unasked
@@ -113,8 +113,8 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
     "--beside",
     metavar="RECORDING|SECONDS|MODEL|CALIBRATION|SOURCE",
     help="Another recording (or folder of some, with --layer touched), or another moment, model "
-    "or calibration of this one, or a live source, in the same picture, and the difference of "
-    "both; with --screenshot.",
+    "or calibration of this one, or a live source, beside it, and the difference of both (in "
+    "window and page a layer); not with --movie and --html.",
 )
 @file_option("--movie", Written(".mp4", ".gif"), "Write a movie (.mp4 or .gif); needs no screen.")
 @file_option("--html", PAGE, "Write the scene as a page that needs nothing else.")
@@ -197,28 +197,32 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
         view=load_view(path) if path is not None and there and has_camera(path) else None,
     )
     wanted = Wanted(*(options[one] for one in ("screenshot", "movie", "html", "at", "seconds")))
+    other, later, named = None, 0.0, ""
     if options["beside"] is not None:
-        return _beside(session, options, look, wanted)
+        other, then, named = _other(session, options)
+        if wanted.screenshot is not None:
+            return _beside(session, other, look, wanted, then, named)
+        later = then or 0.0
     if wanted.files:
         return write_files(session, look, wanted)
     if options["web"]:
         from viewer.web.server import serve_web
 
         host, port = parse_address(options["web"])
-        token = read_token()
-        return serve_web(session, look, host=host, port=port, seconds=wanted.seconds, token=token)
-    return open_window(session, look, seconds=wanted.seconds, view_file=path)
+        return serve_web(
+            session, look, host=host, port=port, seconds=wanted.seconds, token=read_token(),
+            other=other, later=later,
+        )  # fmt: skip
+    return open_window(
+        session, look, seconds=wanted.seconds, view_file=path, other=other, later=later
+    )
 
 
-def _beside(session: Any, options: Mapping[str, Any], look: Any, wanted: Any) -> ViewFiles:
-    """Write a picture of two recordings, moments, models, calibrations or live sources."""
+def _other(session: Any, options: Mapping[str, Any]) -> tuple[Any, float | None, str]:
+    """The session beside, its own moment [s] if it has one, and what it differs in."""
     from dataclasses import replace
 
-    from viewer.export.beside import write_beside
-    from viewer.view_files import shown_files
-
     name, kind = options["beside"], _beside_kind(options["beside"])
-    then = float(name) if kind == "moment" else None
     if kind == "recording":
         given = _with_recording({**options, "robot": name, "source": "sim"})
         other = _session({**given, "parts": (), "responses": (), "calibrations": ()})
@@ -233,6 +237,18 @@ def _beside(session: Any, options: Mapping[str, Any], look: Any, wanted: Any) ->
         other.model = Path(name) if kind == "model" else session.model
         other.source = name if kind == "live" else session.source
     named = Path(name).name if kind in ("model", "calibration") else ""
+    return other, float(name) if kind == "moment" else None, named
+
+
+def _beside(
+    session: Any, other: Any, look: Any, wanted: Any, then: float | None, named: str
+) -> ViewFiles:
+    """Write a picture of two recordings, moments, models, calibrations or live sources."""
+    from dataclasses import replace
+
+    from viewer.export.beside import write_beside
+    from viewer.view_files import shown_files
+
     moment, beside = write_beside(
         session, other, look, wanted.screenshot, wanted.at, then=then, named=named
     )
@@ -287,9 +303,9 @@ def _check_beside(options: Mapping[str, Any]) -> None:
         raise click.UsageError(f"--beside takes a recording ({', '.join(RECORDINGS)}), got {path}")
     if kind == "moment" and not _is_moment(name):
         raise click.UsageError(f"--beside {name}: not a moment, which is 0 seconds or more")
-    if picture is None or any(options[one] for one in ("movie", "html", "web")):
-        raise click.UsageError("--beside is for --screenshot alone")
-    if picture.suffix.lower() in (".svg", ".pdf", ".glb"):
+    if any(options[one] for one in ("movie", "html")):
+        raise click.UsageError("--beside is for --screenshot, the window and --web")
+    if picture is not None and picture.suffix.lower() in (".svg", ".pdf", ".glb"):
         raise click.UsageError(f"--beside is a picture of pixels, as {picture.with_suffix('.png')}")
 
 

@@ -25,6 +25,7 @@ from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.colours import (
     CATEGORIES,
+    DIFFERENCE_STOPS,
     DISTORTION_STOPS,
     HEALTH,
     NONE,
@@ -41,6 +42,7 @@ from viewer.colours import (
     steps,
 )
 from viewer.health import STATES, HealthWatch
+from viewer.pair import ORDER, Pair
 
 Values = Callable[[str, Moment | None], FloatArray]
 
@@ -56,6 +58,7 @@ LAYERS: tuple[str, ...] = (
     "patches",
     "touched",
     "changed",
+    "difference",
 )
 # What "touched" shows, as "touched:dwell"; how often by itself: title, unit.
 TOUCHED_KINDS = {
@@ -73,6 +76,7 @@ CHANGES = {
     "noisier": CATEGORIES[2],
 }
 FULL_SCALE = 255.0  # counts
+DIFFERENT = 128.0  # counts, at the ends of the scale of differences
 KILOPASCALS = 100.0  # in a bar
 WORST_SD = 3.0  # [mm]: half a pitch of the finest skins; beyond, taxels are taken for neighbours
 WORST_STRAIN = 5.0  # [%]
@@ -231,6 +235,8 @@ class Layers:
         self._made: dict[str, Layer] = {}
         self._touches, self._loads = touched, dict(loads or {})
         self._changes = changed
+        self.moment: Moment | None = None
+        self.pair: Pair | None = None
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -247,11 +253,21 @@ class Layers:
         """
         check_layer(name)
         if name not in self._made:
-            base, _, kind = name.partition(":")
-            layer: Layer = getattr(self, f"_{base}")(*[kind] * (base == "touched"))
-            ranged = name in self._ranges and not layer.categories
-            self._made[name] = replace(layer, limits=self._ranges[name]) if ranged else layer
+            layer = self.build(name)
+            self._made[name] = layer if self.pair is None else self.pair.on_one_scale(layer)
         return self._made[name]
+
+    def build(self, name: str) -> Layer:
+        """A layer by name, on a scale of its own, whatever stands beside it."""
+        base, _, kind = name.partition(":")
+        layer: Layer = getattr(self, f"_{base}")(*[kind] * (base == "touched"))
+        ranged = name in self._ranges and not layer.categories
+        return replace(layer, limits=self._ranges[name]) if ranged else layer
+
+    def stand_in(self, pair: Pair) -> None:
+        """Take a place in a pair: layers are made anew, on one scale with the other's."""
+        self.pair = pair
+        self._made.clear()
 
     @property
     def counts(self) -> Layer:
@@ -265,6 +281,11 @@ class Layers:
     def observe(self, moment: Moment) -> None:
         """See a moment: what was touched or sits at full scale."""
         self.watch.observe(moment)
+        self.moment = moment
+
+    def pressed(self, part: str) -> FloatArray:
+        """(n,) pressures [counts] of a part in the moment seen last; NaN where there are none."""
+        return self._felt(part, self.moment)
 
     def _check(self, part: str) -> None:
         if part not in self.skins:
@@ -401,6 +422,18 @@ class Layers:
                            tuple(CHANGES.values()), self._found(table))  # fmt: skip
         missing = "no changes known: give a folder with two check-ups or more with --calibration"
         return replace(layer, missing=missing)
+
+    def _difference(self) -> Layer:
+        """What the source at the right presses more than the one at the left."""
+
+        def values(part: str, _: Moment | None) -> FloatArray:
+            found = None if self.pair is None else self.pair.values(part)
+            return np.full(len(self.skins[part]), np.nan) if found is None else found
+
+        layer = _counts("difference", "difference", values, DIFFERENCE_STOPS)
+        missing = "nothing beside it: give --beside" if self.pair is None else "no skin in common"
+        return replace(layer, unit=f"counts, {ORDER}", limits=(-DIFFERENT, DIFFERENT),
+                       missing=missing)  # fmt: skip
 
     def _touched(self, kind: str) -> Layer:
         """How often, how long, how hard or when last each taxel was touched."""

@@ -248,7 +248,7 @@ class Scene:
         felt = self.data.felt(moment)
         for part, pressures in felt.items():
             self.layers[part].set_pressures(pressures)
-        self.moment, self.touches = moment, touches
+        self.moment, self.touches = moment, self._touches(touches)
         if self.player is None and np.isfinite(moment.time) and not moment.stale:
             self.past.add(replace(moment, pressures=felt, raw={}))
         self.canvas.status.take(moment)
@@ -307,8 +307,17 @@ class Scene:
         UnknownNameError
             No such layer.
         """
+        others = "difference" in (self.layer.name, name)
         self.layer = self.data.get(name)
+        if others:
+            self.touches = self._touches(check_moment(self.moment, self.layers))
         self.canvas.changed = True
+
+    def _touches(self, own: tuple[NamedTouch, ...]) -> tuple[NamedTouch, ...]:
+        """Touches that the layer shows, of the moment's own."""
+        if self.layer.name != "difference" or self.data.pair is None:
+            return own
+        return tuple(one for one in self.data.pair.touches() if one.part in self.layers)
 
     def set_plot(self, plot: str) -> None:
         """Plot the chosen "taxels" in the panel, or one of `COURSES` of the touches.

@@ -125,6 +125,11 @@ class Session:
         """Health states by part, from the response calibrations."""
         return {part: response.health for part, response in self.responses.items()}
 
+    @property
+    def title(self) -> str:
+        """The robot and its source."""
+        return f"{self.robot.name}, {(self.touched_in or Path(self.source)).name}"
+
     def open(self, *, hurry: bool = False) -> Source:
         """Open the source; `hurry` for as fast as it is asked."""
         speed = math.inf if hurry else self.speed
@@ -340,6 +345,12 @@ class Look:
     size: tuple[int, int] | None = None
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     view: SavedView | None = None
+
+
+def look_beside(look: Look, session: Session, other: Session) -> Look:
+    """How another session is shown beside one: without pose and view where the robots differ."""
+    same = session.robot.name == other.robot.name
+    return look if same else replace(look, view=None, angles=None)
 
 
 def new_scene(session: Session, look: Look, *, size: tuple[int, int], off_screen: bool) -> Scene:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import time
 from collections.abc import Iterable
@@ -12,11 +13,13 @@ from skinmap.live.moment import Moment
 from viewer.export.movie import MOVIE_FPS
 from viewer.interaction.controls import Controls
 from viewer.interaction.mouse import Events, Pace
+from viewer.pair import LEFT, RIGHT, Pair
 from viewer.playing.overview import fill_overview
+from viewer.playing.paired_player import PairedPlayer, in_step
 from viewer.playing.player import Player
 from viewer.results import ViewWindow
 from viewer.scene import Scene
-from viewer.view_options import Look, Session, new_scene
+from viewer.view_options import Look, Session, look_beside, new_scene
 
 OLDEST = 0.1  # age of a sample up to which its picture counts as live [s]
 MISSED = 2.5  # samples that may fail to come before an unchanged picture counts as late
@@ -127,11 +130,13 @@ class Window:
         self._rested = 0.0  # when the next sample may be drawn
         self._failed = False
 
-    def open(self) -> None:
-        """Show the window."""
+    def open(self, title: str = "Skinmap", left: int | None = None) -> None:
+        """Show the window, under a title, `left` [px] from the left of the screen."""
         plotter: Any = self.scene.plotter
         self.scene.update(step=360.0)
-        plotter.show(interactive_update=True, auto_close=False, title="Skinmap")
+        if left is not None:
+            plotter.render_window.SetPosition(left, 0)
+        plotter.show(interactive_update=True, auto_close=False, title=title)
 
     def turn(self) -> bool:
         """Let keys and mouse act, show the newest moment, draw if anything changed.
@@ -215,27 +220,91 @@ class Window:
         self.scene.close()
 
 
-def run(window: Window, *, seconds: float = math.inf) -> int:
-    """Play until the window is closed, or for so many seconds; pictures drawn.
+def run(window: Window, *others: Window, seconds: float = math.inf) -> int:
+    """Play until a window is closed, or for so many seconds; pictures drawn in the first one.
 
-    The last moment of a source that ended or failed stays until the user closes the window.
+    Other windows stand beside it, one camera for all. The last moment of a source that ended or
+    failed stays until the user closes the window.
 
     Raises
     ------
     SkinError
-        What the source failed with, after the window was closed.
+        What the source failed with, after the windows were closed.
     """
     end = time.monotonic() + seconds
+    every = (window, *others)
+    mirrors = [Mirror(window, other) for other in others]
     try:
-        window.player.start()
-        while not window.controls.closed and time.monotonic() < end:
-            window.turn()
+        for one in every:
+            one.player.start()
+        while not any(one.controls.closed for one in every) and time.monotonic() < end:
+            for one in every:
+                one.turn()
+            for mirror in mirrors:
+                mirror.turn()
             window.wait()
     finally:
-        window.close()
-    if window.player.error is not None:
-        raise window.player.error
+        for one in every:
+            one.close()
+    for one in every:
+        if one.player.error is not None:
+            raise one.player.error
     return window.drawn
+
+
+class Mirror:
+    """Brings two windows to the same camera, layer and style, whichever of them was changed.
+
+    Parameters
+    ----------
+    left, right : Window
+    """
+
+    def __init__(self, left: Window, right: Window) -> None:
+        self.scenes = left.scene, right.scene
+        self._known: list[object] = [
+            None,
+            left.scene.layer.name,
+            left.scene.style,
+        ]  # camera, layer, style
+        self._seen = [scene.data.moment for scene in self.scenes]
+
+    def turn(self) -> None:
+        """Bring the one to what the other was changed to; draw differences of new samples."""
+        sides = self.scenes, self.scenes[::-1]
+        same = self.scenes[0].robot.name == self.scenes[1].robot.name
+        for k, follow in enumerate((_look_alike, _layer_alike, _style_alike)):
+            for led, other in sides if same or k else ():
+                if (now := _shown(led)[k]) != self._known[k]:
+                    follow(led, other)
+                    self._known[k] = now
+                    break
+        seen = [scene.data.moment for scene in self.scenes]
+        for (_, other), moment, before in zip(sides, seen, self._seen, strict=True):
+            if moment is not before and other.layer.name == "difference":
+                other.set_layer("difference")
+        self._seen = seen
+
+
+def _shown(scene: Scene) -> tuple[object, str, str]:
+    camera = scene.plotter.camera
+    where = camera.position, camera.focal_point, camera.up, camera.view_angle
+    return where, scene.layer.name, scene.style
+
+
+def _look_alike(led: Scene, other: Scene) -> None:
+    other.framing.look(led.framing.view, "free")
+    other.plotter.camera.DeepCopy(led.plotter.camera)
+    other.plotter.renderer.ResetCameraClippingRange()
+    other.canvas.changed = True
+
+
+def _layer_alike(led: Scene, other: Scene) -> None:
+    other.set_layer(led.layer.name)
+
+
+def _style_alike(led: Scene, other: Scene) -> None:
+    other.set_style(led.style)
 
 
 def play(scene: Scene, moments: Iterable[Moment], *, seconds: float = math.inf) -> int:
@@ -267,18 +336,50 @@ def play(scene: Scene, moments: Iterable[Moment], *, seconds: float = math.inf) 
 
 
 def open_window(
-    session: Session, look: Look, *, seconds: float | None, view_file: Path | None
+    session: Session,
+    look: Look,
+    *,
+    seconds: float | None,
+    view_file: Path | None,
+    other: Session | None = None,
+    later: float = 0.0,
 ) -> ViewWindow:
-    """Play the source in a window until it is closed."""
-    loop = session.live()
-    try:
-        scene = new_scene(session, look, size=SIZE, off_screen=False)
-        player = Player(loop)
-        player.speed = session.speed
-        fill_overview(session, player)
-        window = Window(scene, player, view_file=view_file)
-        window.open()
-        drawn = run(window, seconds=math.inf if seconds is None else seconds)
-    finally:
-        loop.close()
+    """Play the source in a window until it is closed, and another one in a window beside it.
+
+    Parameters
+    ----------
+    session : Session
+    look : Look
+        Of both.
+    seconds : float or None
+        Close them by themselves after so long.
+    view_file : Path or None
+    other : Session, optional
+        What plays at the right, in step.
+    later : float
+        How much later that stands in its recording [s].
+    """
+    with contextlib.ExitStack() as ended:
+        windows, players = list[Window](), list[PairedPlayer]()
+        for one in [session] if other is None else [session, other]:
+            loop = one.live()
+            ended.callback(loop.close)
+            mine = look if one is session else look_beside(look, session, one)
+            scene = new_scene(one, mine, size=SIZE, off_screen=False)
+            players.append(PairedPlayer(loop, paused=not loop.live))
+            players[-1].speed = session.speed
+            fill_overview(one, players[-1])
+            windows.append(Window(scene, players[-1], view_file=view_file))
+        if other is None:
+            windows[0].open()
+        else:
+            in_step(*players, later=later)
+            Pair(*(window.scene.data for window in windows))
+            for k, (window, one) in enumerate(zip(windows, (session, other), strict=True)):
+                window.scene.set_layer(window.scene.layer.name)  # on the scale of both
+                window.open(f"Skinmap, {(LEFT, RIGHT)[k]}: {one.title}", k * SIZE[0])
+        for player in players:  # a recording begins when its window is open
+            player.start()
+            player.play()
+        drawn = run(*windows, seconds=math.inf if seconds is None else seconds)
     return ViewWindow(robot=session.robot.name, parts=list(session.parts), drawn=drawn)

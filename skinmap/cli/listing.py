@@ -103,6 +103,7 @@ ABOUT = {
     "patches": "connected pieces of skin",
     "touched": "how often each taxel was touched, in a recording",
     "changed": "changes of each taxel between check-ups",
+    "difference": "right less left of two that stand side by side (--beside)",
 }
 
 

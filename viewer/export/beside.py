@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import starmap
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,22 +16,20 @@ from skinmap.errors import InvalidArrayError
 from skinmap.io.output import staged_file
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.skin.skin import fingerprint
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 from viewer.colours import DIFFERENCE_STOPS, INK, ramp
 from viewer.layers import Layer
+from viewer.pair import LEFT, ORDER, RIGHT, common_parts, moved_touch, paired_touches
 from viewer.results import Beside, ChangedTouch, Difference
 from viewer.scene import Scene
 from viewer.view_files import shown_touches, still_moment
-from viewer.view_options import Look, Session, new_scene
+from viewer.view_options import Look, Session, look_beside, new_scene
 
 if TYPE_CHECKING:
     from PIL.ImageFont import FreeTypeFont
 
 SIZE = (1100, 800)  # of each of the pictures [px]
 LINES = 24  # of touches that are listed at most
-LEFT, RIGHT = "left", "right"
-Pair = tuple[NamedTouch | None, NamedTouch | None]
 
 
 def write_beside(
@@ -71,11 +69,14 @@ def write_beside(
     first = _moment(session, look, at)
     wanted = _same_time(session, other, first, at) if then is None else then
     second = _moment(other, look, wanted, strict=(at if then is None else then) is not None)
-    scenes = [_scene(one, look, moment) for one, moment in ((session, first), (other, second))]
+    scenes = [
+        _scene(session, look, first),
+        _scene(other, look_beside(look, session, other), second),
+    ]
     try:
         left, right = scenes
         _one_scale(left, right)
-        common = common_parts(session, other)
+        common = common_parts(session.skins, other.skins)
         titles = [
             _title(name, one, moment) + more
             for name, one, moment, more in (
@@ -149,9 +150,8 @@ def _touches(moment: Moment | None) -> Sequence[NamedTouch]:
 
 
 def _title(side: str, session: Session, moment: Moment | None) -> str:
-    name = (session.touched_in or Path(session.source)).name
     when = "" if moment is None else f", {moment.time - session.origin:.2f} s"
-    return f"{side}: {session.robot.name}, {name}{when}"
+    return f"{side}: {session.title}{when}"
 
 
 def _one_scale(left: Scene, right: Scene) -> None:
@@ -164,15 +164,6 @@ def _one_scale(left: Scene, right: Scene) -> None:
         scene.layer = dataclasses.replace(scene.layer, limits=limits)
 
 
-def common_parts(session: Session, other: Session) -> tuple[str, ...]:
-    """Parts of the same name and the same skin."""
-    return tuple(
-        part
-        for part, skin in session.skins.items()
-        if part in other.skins and fingerprint(skin.skin) == fingerprint(other.skins[part].skin)
-    )
-
-
 def difference(left: Scene, right: Scene, parts: Sequence[str]) -> dict[str, FloatArray]:
     """(n,) of each part: what the layer shows at the right, less what it shows at the left."""
     shown = {
@@ -182,42 +173,6 @@ def difference(left: Scene, right: Scene, parts: Sequence[str]) -> dict[str, Flo
     if left.layer.categories:  # names have no difference but that they are others
         return {part: np.where(np.isnan(one), one, one != 0.0) for part, one in shown.items()}
     return shown
-
-
-def paired_touches(left: Sequence[NamedTouch], right: Sequence[NamedTouch]) -> list[Pair]:
-    """Touches of both, each with that of its part with most taxels in common, or the nearest."""
-    rest: list[NamedTouch] = list(right)
-    rows: list[Pair] = []
-    for touch in left:
-        here = [one for one in rest if one.part == touch.part]
-        mate = min(here, key=_apart(touch), default=None)
-        if mate is not None:
-            rest.remove(mate)
-        rows.append((touch, mate))
-    return rows + [(None, touch) for touch in rest]
-
-
-def moved_touch(left: NamedTouch | None, right: NamedTouch | None) -> NamedTouch:
-    """The touch as the difference shows it: both names, and the way from its place at the left."""
-    either = right or left
-    assert either is not None
-    name, path = either.label, None
-    if left is None or right is None:
-        name = f"{name}, {RIGHT if left is None else LEFT} only"
-    else:
-        name = name if name == left.label else f"{left.label}, {RIGHT} {name}"
-        path = np.stack([left.centre, right.centre])
-    return dataclasses.replace(
-        either, label=name, confidence=np.nan, path=path, motion=None, answers=None, load=None
-    )
-
-
-def _apart(touch: NamedTouch) -> Callable[[NamedTouch], tuple[int, float]]:
-    def key(one: NamedTouch) -> tuple[int, float]:
-        shared = len(np.intersect1d(one.taxels, touch.taxels))
-        return -shared, float(np.linalg.norm(one.centre - touch.centre))
-
-    return key
 
 
 def changed_touch(left: NamedTouch | None, right: NamedTouch | None) -> ChangedTouch:
@@ -272,14 +227,14 @@ def _difference_picture(
     def source(part: str, _: Moment | None) -> FloatArray:
         return values.get(part, nothing[part])
 
-    unit = f"{left.layer.unit}, right less left" if left.layer.unit else "1 where they differ"
+    unit = f"{left.layer.unit}, {ORDER}" if left.layer.unit else "1 where they differ"
     scene.layer = Layer(
         "difference", f"difference of {left.layer.title}", unit, (-top, top),
         ramp(DIFFERENCE_STOPS), source, missing="nothing in common",
     )  # fmt: skip
     if moment is not None:
         scene.show_moment(moment)
-    scene.set_title("difference: right less left")
+    scene.set_title(f"difference: {ORDER}")
     if scene.panel is not None and left.panel is not None:
         scene.show_flat_map(left.panel.part)
     scene.framing.look(left.framing.view, "still")

@@ -55,6 +55,9 @@ class Stepwise(Relay, Seekable):
 
     @speed.setter
     def speed(self, speed: float) -> None:
+        self._set_speed(speed)
+
+    def _set_speed(self, speed: float) -> None:
         if self._open is not None:
             # What was read ahead is read again, at its time.
             self.source.seek(self.position)
@@ -74,6 +77,11 @@ class Stepwise(Relay, Seekable):
     def duration(self) -> float:
         """[s]."""
         return self.source.duration
+
+    @property
+    def began(self) -> float:
+        """Time of its beginning, in its clock [s]; NaN where it is unknown."""
+        return float(getattr(self.source, "began", math.nan))
 
     @property
     def position(self) -> float:
@@ -145,6 +153,16 @@ class LoopFeed:
     def duration(self) -> float:
         """Of the recording [s]."""
         return math.nan if self._recording is None else self._recording.duration
+
+    @property
+    def position(self) -> float:
+        """Seconds from the recording's beginning, of the sample that comes next."""
+        return math.nan if self._recording is None else self._recording.position
+
+    @property
+    def began(self) -> float:
+        """Time of the recording's beginning, in the moments' clock [s]; NaN where it is unknown."""
+        return float(getattr(self._recording, "began", math.nan))
 
     @property
     def loop(self) -> bool:
@@ -352,13 +370,15 @@ class Player:
         self._history = History()
         self._past = Past()
         self.timeline = Timeline()
-        self._origin = math.nan  # time of the recording's beginning, in the moments' clock [s]
+        # Time of the recording's beginning, in the moments' clock [s].
+        self._origin = float(getattr(self._feed, "began", math.nan))
         self._paused = paused
         self._speed = 1.0
         self.before = BEFORE  # what is worked through before a jump's end [s]
         self._asked: float | None = None  # where to go, in the moments' clock [s]
         self._named = -math.inf  # what is remembered from before has touches without names [s]
         self._more = 1 if paused else 0  # moments still to be shown while paused
+        self._held: Moment | None = None  # came while the picture was being halted: is next
         self._ended = False
         self._error: Exception | None = None
         self._wake, self._stop = threading.Event(), threading.Event()
@@ -571,6 +591,9 @@ class Player:
 
     @speed.setter
     def speed(self, speed: float) -> None:
+        self._set_speed(speed)
+
+    def _set_speed(self, speed: float) -> None:
         if not math.isfinite(speed) or speed <= 0:
             raise InvalidArrayError(f"speed must be above 0, got {speed}")
         if self._feed.paced:
@@ -584,6 +607,9 @@ class Player:
 
     @loop.setter
     def loop(self, loop: bool) -> None:
+        self._set_loop(loop)
+
+    def _set_loop(self, loop: bool) -> None:
         self._feed.loop = loop
         if loop and self._ended and not self._paused:
             self.seek(0.0)
@@ -629,7 +655,7 @@ class Player:
             self._wake.wait(WAIT)
             return
         with contextlib.suppress(SourceEnded):
-            moment = self._feed.step(WAIT, self._wake)
+            moment, self._held = self._held or self._feed.step(WAIT, self._wake), None
             if moment is not None:
                 self._take_in(moment)
             return
@@ -643,6 +669,7 @@ class Player:
     def _lead(self, goal: float) -> None:
         """Go to a time of the moments' clock [s], and remember what was before it."""
         moments, named = self._feed.lead(goal - self.origin, self.before)
+        self._held = None
         with self._news:
             if self._asked == goal:  # else on to where was asked for meanwhile
                 self._asked = None
@@ -666,6 +693,7 @@ class Player:
                 return  # from before the jump that is asked for
             if self._paused and self._feed.halts:
                 if self._more == 0:
+                    self._held = moment
                     return
                 self._more -= 1
             self._history.add(moment)

@@ -100,7 +100,7 @@ class Guard:
         given, _, name = rest.partition("/")
         if before or not hmac.compare_digest(given.encode(), self.token.encode()):
             return Refusal(HTTPStatus.FORBIDDEN, "token wrong or missing: open the printed address")
-        if live != (name == LIVE):
+        if live != (name.rpartition("/")[2] == LIVE):
             return Refusal(HTTPStatus.NOT_FOUND, "nothing here")
         return name
 
@@ -125,8 +125,11 @@ class Guard:
         return True
 
 
-def page_headers(host: str) -> dict[str, str]:
-    """Headers that keep the page to itself: nothing from, to or inside other pages."""
+def page_headers(host: str, *, framed: bool = False) -> dict[str, str]:
+    """Headers that keep the page to itself: nothing from, to or inside other pages.
+
+    Two that stand side by side are `framed` in one of ours.
+    """
     policy = {
         "default-src": "'none'",
         "script-src": "'self'",
@@ -135,7 +138,8 @@ def page_headers(host: str) -> dict[str, str]:
         "connect-src": f"'self' ws://{host}",
         "base-uri": "'none'",
         "form-action": "'none'",
-        "frame-ancestors": "'none'",
+        "frame-src": "'self'" if framed else "'none'",
+        "frame-ancestors": "'self'" if framed else "'none'",
     }
     return {
         "Content-Security-Policy": "; ".join(f"{key} {value}" for key, value in policy.items()),

@@ -108,7 +108,7 @@ class Hub:
     player : Player
     layers : Layers
     first : mapping
-        Layer, style and saved view that a page shows first.
+        Layer, style and saved view that a page shows first, and its heading where it has another.
     counts : callable, optional
         Counts of the source's samples (`skinmap.live.sources.source.Counts`).
     waits : bool
@@ -118,6 +118,8 @@ class Hub:
     ----------
     error : Exception or None
         Why nothing new is shown any more, where that is not the source's fault.
+    mate : Hub or None
+        Of the pages beside these: what differs from them changes with theirs.
     """
 
     def __init__(
@@ -134,6 +136,7 @@ class Hub:
         self.first, self._counts = first, counts
         self.clients: set[Client] = set()
         self.error: Exception | None = None
+        self.mate: Hub | None = None
         self.samples_sent = 0
         self.samples_written = 0  # one is written for all pages that show the same layer
         self.seconds = 0.0  # CPU time spent writing them
@@ -186,6 +189,16 @@ class Hub:
             if changed:
                 for client in self.clients:
                     client.wake.set()
+                if self.mate is not None:
+                    self.mate.renew()
+
+    def renew(self) -> None:
+        """Send the difference anew to pages that show it: the other side changed."""
+        self._written.pop("difference", None)
+        for client in self.clients:
+            if client.layer == "difference":
+                client.told = -1
+                client.wake.set()
 
     def _see(self, moment: Moment) -> None:
         """Take a moment; one of another skin is told of, and what was shown before stays."""

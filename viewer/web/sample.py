@@ -92,18 +92,23 @@ class SampleWriter:
         about : mapping
             More for the header.
         """
-        header, arrays = self.parts(moment)
+        header, arrays = self.parts(moment, layer.name)
         values = [taxel_bytes(layer, part, moment) for part in self.scene.skins]
         about = {"kind": "sample", "layer": layer.name, **about}
         return pack({**about, **header}, {"values": np.concatenate(values), **arrays})
 
-    def parts(self, moment: Moment | None) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-        """Header and arrays of a moment but for the values of its taxels."""
+    def parts(
+        self, moment: Moment | None, layer: str = ""
+    ) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
+        """Header and arrays of a moment, as a layer shows it, but for the values of its taxels."""
         self.problem = ""
         parts = self.scene.skins
         header: dict[str, Any] = {}
         arrays: dict[str, NDArray[Any]] = {}
-        touches = [] if moment is None else [t for t in moment.touches if t.part in parts]
+        touches: Sequence[NamedTouch] = () if moment is None else moment.touches
+        if layer == "difference" and self.data.pair is not None:
+            touches = self.data.pair.touches()
+        touches = [touch for touch in touches if touch.part in parts]
         if moment is not None:
             header.update(
                 time=finite(moment.time),

@@ -21,7 +21,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from skinmap.errors import SkinWarning, UnreachableError
 from skinmap.skin.robot import Robot
@@ -30,11 +30,13 @@ from viewer.drawing.body.bare_body import Links
 from viewer.interaction.saving import check_view
 from viewer.interaction.view_file import SavedView, content_of
 from viewer.layers import Layers
+from viewer.pair import LEFT, RIGHT, Pair
 from viewer.playing.overview import fill_overview
+from viewer.playing.paired_player import PairedPlayer, in_step
 from viewer.playing.player import Player
 from viewer.results import ViewPage
-from viewer.view_options import Look, Session, drawn_links, new_layers
-from viewer.web.files import packed_files, served_files
+from viewer.view_options import Look, Session, drawn_links, look_beside, new_layers
+from viewer.web.files import packed_files, page_files, served_files
 from viewer.web.guard import (
     LIVE,
     LOOPBACK,
@@ -61,6 +63,7 @@ OPENING = 20.0  # for a request to come whole, and for its answer to be taken [s
 PIECE = 65_536  # bytes of an answer that are sent at once
 PATIENCE = 5.0  # for threads to end [s]
 SCENE = "scene.bin"
+PAIR = "pair_page"  # that frames two
 
 logger = logging.getLogger(__name__)
 
@@ -80,9 +83,11 @@ def serve(
     links: Links = None,
     view: SavedView | None = None,
     size: tuple[int, int] | None = None,
+    title: str | None = None,
     counts: Callable[[], Mapping[str, int]] | None = None,
     clients: int = CLIENTS,
     waits: bool = False,
+    beside: Hub | None = None,
 ) -> WebServer:
     """Start to serve a robot; the player is started and stays the caller's to close.
 
@@ -112,12 +117,16 @@ def serve(
         That a page begins with.
     size : (int, int), optional
         Width and height of the robot's picture [px]; as large as the page by default.
+    title : str, optional
+        Heading of the page; the robot's name by default.
     counts : callable, optional
         What became of the source's samples: a `TouchLoop`'s `totals`.
     clients : int
         Pages at once.
     waits : bool
         The player is paused until the first page comes.
+    beside : Hub, optional
+        What stands at the right of it, from `new_hub`.
 
     Returns
     -------
@@ -139,15 +148,13 @@ def serve(
     ...     page.url.startswith("http://127.0.0.1:")
     True
     """
-    layers = Layers(skins) if layers is None else layers
-    layers.get(layer)
     token = new_token() if token is None else check_token(token)
     listening = bind(host, port)
     try:
-        saved = None if view is None else content_of(view)
-        first = {"layer": layer, "style": style, "view": saved, "size": size}
-        scene = make_scene(robot, skins, angles=angles, links=links)
-        hub = Hub(scene, player, layers, first, counts, waits=waits)
+        hub = new_hub(
+            robot, skins, player, layers=layers, layer=layer, style=style, angles=angles,
+            links=links, view=view, size=size, counts=counts, waits=waits, title=title,
+        )  # fmt: skip
     except BaseException:
         listening.close()
         raise
@@ -160,7 +167,34 @@ def serve(
             stacklevel=2,
         )
     player.start()
-    return WebServer(listening, guard, hub, clients)
+    if beside is not None:
+        hub.mate, beside.mate = beside, hub
+    return WebServer(listening, guard, hub, clients, beside)
+
+
+def new_hub(
+    robot: Robot,
+    skins: Mapping[str, PreparedSkin],
+    player: Player,
+    *,
+    layers: Layers | None = None,
+    layer: str = "pressure",
+    style: str = "surface",
+    angles: Mapping[str, float] | None = None,
+    links: Links = None,
+    view: SavedView | None = None,
+    size: tuple[int, int] | None = None,
+    title: str | None = None,
+    counts: Callable[[], Mapping[str, int]] | None = None,
+    waits: bool = False,
+) -> Hub:
+    """What the pages of a robot are told; the parameters are those of `serve`."""
+    layers = Layers(skins) if layers is None else layers
+    layers.get(layer)
+    saved = None if view is None else content_of(view)
+    first = {"layer": layer, "style": style, "view": saved, "size": size, "title": title}
+    scene = make_scene(robot, skins, angles=angles, links=links)
+    return Hub(scene, player, layers, first, counts, waits=waits)
 
 
 def bind(host: str, port: int) -> socket.socket:
@@ -195,12 +229,25 @@ class WebServer:
         What pages are told.
     clients : int
         Pages at once.
+    beside : Hub, optional
+        What the pages at the right of two are told.
     """
 
-    def __init__(self, listening: socket.socket, guard: Guard, hub: Hub, clients: int) -> None:
+    def __init__(
+        self,
+        listening: socket.socket,
+        guard: Guard,
+        hub: Hub,
+        clients: int,
+        beside: Hub | None = None,
+    ) -> None:
         self._socket, self.guard, self.hub, self._most = listening, guard, hub, clients
         self.connections = 0
-        self._packed = gzip.compress(hub.scene.packed, LEVEL, mtime=0)
+        self._hubs = {"": hub} if beside is None else {f"{LEFT}/": hub, f"{RIGHT}/": beside}
+        self._packed = {
+            place: gzip.compress(one.scene.packed, LEVEL, mtime=0)
+            for place, one in self._hubs.items()
+        }
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
         self._error: BaseException | None = None
@@ -287,12 +334,12 @@ class WebServer:
             server_header=None,
             logger=quiet,
         ):
-            news = asyncio.create_task(self.hub.watch())
+            news = [asyncio.create_task(hub.watch()) for hub in self._hubs.values()]
             self._ready.set()
             await self._stop.wait()
-            news.cancel()
-            with contextlib.suppress(asyncio.CancelledError):
-                await news
+            for task in news:
+                task.cancel()
+            await asyncio.gather(*news, return_exceptions=True)
 
     async def _answer(self, connection: ServerConnection, request: Request) -> Response | None:
         """Refuse, send a file, or let a WebSocket through (None)."""
@@ -302,31 +349,47 @@ class WebServer:
         )
         if isinstance(asked, Refusal):
             return _respond(connection, asked.status, f"{asked.reason}\n".encode())
-        if asked == LIVE:
-            if len(self.hub.clients) >= self._most:
+        place, _, name = asked.rpartition("/")
+        place = f"{place}/" if place else ""
+        hub, pair = self._hubs.get(place), len(self._hubs) > 1
+        if name == LIVE and hub is not None:
+            if sum(len(one.clients) for one in self._hubs.values()) >= self._most:
                 full = f"{self._most} pages are open already\n".encode()
                 return _respond(connection, HTTPStatus.SERVICE_UNAVAILABLE, full)
             return None
         if not asked and not request.path.partition("?")[0].endswith("/"):
             where = {"Location": f"/{self.guard.token}/"}
             return _respond(connection, HTTPStatus.PERMANENT_REDIRECT, b"", more=where)
-        if asked == SCENE:
-            kind, content, packed = "application/octet-stream", self.hub.scene.packed, self._packed
-        elif asked in served_files():
-            (kind, content), packed = served_files()[asked], packed_files()[asked]
+        if hub is not None and name == SCENE:
+            kind, content, packed = (
+                "application/octet-stream",
+                hub.scene.packed,
+                self._packed[place],
+            )
+        elif pair and asked in page_files(PAIR):
+            kind, content = page_files(PAIR)[asked]
+            packed = gzip.compress(content, LEVEL, mtime=0)
+        elif hub is not None and name in served_files():
+            (kind, content), packed = served_files()[name], packed_files()[name]
         else:
             return _respond(connection, HTTPStatus.NOT_FOUND, b"nothing here\n")
-        more = page_headers(request.headers["Host"]) | {"Vary": "Accept-Encoding"}
+        more = page_headers(request.headers["Host"], framed=pair) | {"Vary": "Accept-Encoding"}
         if any("gzip" in value for value in request.headers.get_all("Accept-Encoding")):
             content, more["Content-Encoding"] = packed, "gzip"
         answer = _respond(connection, HTTPStatus.OK, content, kind, more)
         return await _in_pieces(connection, answer)
 
+    def _hub_at(self, path: str) -> Hub:
+        """The hub that a page's path names: of two the one behind the token."""
+        place = path.split("/")[2]
+        return self._hubs.get(f"{place}/", self.hub)
+
     async def _handle(self, connection: ServerConnection) -> None:
         from websockets.exceptions import ConnectionClosed
 
         try:
-            await self.hub.talk(connection)
+            assert connection.request is not None
+            await self._hub_at(connection.request.path).talk(connection)
         except ConnectionClosed:
             pass  # a tab was closed
         except Exception:
@@ -381,6 +444,8 @@ def serve_web(
     port: int,
     seconds: float | None,
     token: str | None = None,
+    other: Session | None = None,
+    later: float = 0.0,
 ) -> ViewPage:
     """Serve the scene to a browser until it is interrupted, or for so many seconds.
 
@@ -397,13 +462,16 @@ def serve_web(
     import click
 
     tell = partial(click.echo, err=True)
-    with served(session, look, tell, host=host, port=port, token=token) as (server, player):
+    with served(
+        session, look, tell, host=host, port=port, token=token, other=other, later=later
+    ) as (server, player):
         tell(server.url)
         with contextlib.suppress(KeyboardInterrupt):
             wait(server.hub, math.inf if seconds is None else seconds, tell)
         address = server.url
-    if (error := player.error or server.hub.error) is not None:
-        raise error
+    for one in (player, server.hub, player.mate, server.hub.mate):
+        if one is not None and one.error is not None:
+            raise one.error
     return ViewPage(robot=session.robot.name, parts=list(session.parts), address=address)
 
 
@@ -416,7 +484,9 @@ def served(
     host: str = LOOPBACK,
     port: int = 0,
     token: str | None = None,
-) -> Iterator[tuple[WebServer, Player]]:
+    other: Session | None = None,
+    later: float = 0.0,
+) -> Iterator[tuple[WebServer, PairedPlayer]]:
     """The server and the player of a session's source, both ended with the context.
 
     Parameters
@@ -427,31 +497,42 @@ def served(
         Told in a line what goes wrong beside.
     host, port, token
         As for `viewer.web.server.serve`.
+    other : Session, optional
+        What is served beside it, and played in step.
+    later : float
+        How much later that stands in its recording [s].
     """
-    view = first_view(session, look)
-    loop = session.live()
-    waits = not loop.live  # for the first page
-    with Player(loop, paused=waits) as player:
-        player.speed = session.speed
-        fill_overview(session, player)
-        with serve(
-            session.robot,
-            session.skins,
-            player,
-            host=host,
-            port=port,
-            token=token,
-            waits=waits,
-            layers=new_layers(session, look),
-            size=look.size,
-            layer=look.layer or "pressure",
-            style=look.style or "surface",
-            angles=look.angles or None,
-            links=drawn_links(session, look),
-            view=view,
-            counts=loop.totals,
-        ) as server:
-            yield server, player
+    with contextlib.ExitStack() as ended:
+        sides = []
+        for one in [session] if other is None else [session, other]:
+            loop = one.live()
+            waits = not loop.live  # for the first page
+            player = ended.enter_context(PairedPlayer(loop, paused=waits))
+            player.speed = session.speed
+            fill_overview(one, player)
+            mine = look if one is session else look_beside(look, session, one)
+            shown: dict[str, Any] = {
+                "waits": waits, "layers": new_layers(one, mine), "size": mine.size,
+                "layer": mine.layer or "pressure", "style": mine.style or "surface",
+                "angles": mine.angles or None, "links": drawn_links(one, mine),
+                "view": first_view(one, mine), "counts": loop.totals,
+            }  # fmt: skip
+            sides.append((player, shown))
+        (player, first), beside = sides[0], None
+        if other is not None:
+            mate, second = sides[1]
+            in_step(player, mate, later=later)
+            Pair(first["layers"], second["layers"])
+            for side, one, (_, shown) in zip((LEFT, RIGHT), (session, other), sides, strict=True):
+                shown["title"] = f"{side}: {one.title}"
+            beside = new_hub(other.robot, other.skins, mate, **second)
+            mate.start()
+        yield ended.enter_context(
+            serve(
+                session.robot, session.skins, player,
+                host=host, port=port, token=token, beside=beside, **first,
+            )
+        ), player  # fmt: skip
 
 
 def first_view(session: Session, look: Look) -> SavedView | None:

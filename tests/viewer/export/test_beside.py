@@ -13,7 +13,8 @@ from PIL import Image
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.live.contacts.named_touch import NamedTouch
-from viewer.export.beside import changed_touch, moved_touch, paired_touches
+from viewer.export.beside import changed_touch
+from viewer.pair import moved_touch, paired_touches
 
 
 def recorded(path: Path, robot: str, part: str, seed: int) -> Path:
@@ -112,7 +113,7 @@ def test_touches_pair_that_lie_on_the_same_taxels():
     [
         (["--beside", "none.mcap", "--screenshot", "x.png"], "a recording, a moment"),
         (["--beside", "-3", "--screenshot", "x.png"], "not a moment"),
-        (["--beside", "{one}", "--web"], "--beside is for --screenshot alone"),
+        (["--beside", "{one}", "--html", "x.html"], "for --screenshot, the window and --web"),
         (["--beside", "{one}", "--screenshot", "x.pdf"], "a picture of pixels"),
     ],
 )

@@ -396,3 +396,15 @@ def test_touches_stand_on_the_time_line_once_however_often_they_are_played():
     found = [(span.began * RATE, span.ended * RATE) for span in line.spans()]
     np.testing.assert_allclose(found, [(10, 29), (50, 59)], atol=1e-9)
     assert line.spans()[0].to_json(0.1)[0] == pytest.approx(10 / RATE - 0.1, abs=1e-3)
+
+
+def test_the_beginning_is_the_recordings_own_where_its_first_samples_were_not_shown():
+    loop = RecordedLoop(200)
+    loop.source.began = moment(0).time
+    loop.source.row = 30  # a machine that was busy begins here
+    with Player(loop, paused=True) as player:
+        until(player, lambda: player.moment is not None)
+        assert player.position == pytest.approx(30 / RATE)
+        assert player.seek(1.0)
+        until(player, lambda: number(player.moment) == 50)
+        assert player.position == pytest.approx(1.0)

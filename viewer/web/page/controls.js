@@ -221,7 +221,8 @@ export class Controls {
     kinds[message.kind]?.();
   }
 
-  hello({ layers, style, view, scene, size }) {
+  hello({ layers, style, view, scene, size, title }) {
+    if (title) $("robot").textContent = title;
     if (size) Object.assign($("stage").style, { width: `${size[0]}px`, height: `${size[1]}px` });
     if (this.scene && this.scene !== scene) {
       this.page.outdated = true; // the server came back with another scene

@@ -53,6 +53,7 @@ class Page {
     this.wanted = false; // a picture is asked for
     this.writing = null; // words are about to be written
     this.still = 0;
+    this.led = false; // by the page beside this one
     this.stats = { drawn: 0, bytes: 0, samples: 0, complete: 0, times: [] };
     this.controls = new Controls(this);
     this.pointer = new Pointer(this);
@@ -186,6 +187,20 @@ class Page {
   askLayer(name) {
     this.link.ask({ do: "layer", to: name });
     if (name !== this.layer.name) this.controls.words.working(name);
+    this.lead((page) => page.askLayer(name));
+  }
+
+  // Where two pages stand side by side, the other one follows what is done here.
+  lead(what) {
+    const { parent } = window, side = /\/(left|right)\/$/.exec(location.pathname);
+    const page = parent !== window && side ? parent[side[1] === "left" ? 1 : 0].skinmap : null;
+    if (!page || this.led) return;
+    page.led = true;
+    try {
+      what(page);
+    } finally {
+      page.led = false;
+    }
   }
 
   setLayer(layer) {
@@ -204,6 +219,7 @@ class Page {
     this.picture.style = this.flat.style = $("style").value = style;
     this.picture.forget();
     this.redraw(true);
+    this.lead((page) => page.setStyle(style));
   }
 
   setPlot(plot) {
@@ -258,6 +274,12 @@ class Page {
     $("view").value = name;
     this.moved = performance.now();
     this.redraw();
+    this.lead((page) => {
+      if (page.header.robot !== this.header.robot) return;
+      const { azimuth, elevation, middle, zoom, far } = this.camera;
+      Object.assign(page.camera, { azimuth, elevation, middle: [...middle], zoom, far }).update();
+      page.cameraMoved(name);
+    });
   }
 
   redraw(anew = false) {
