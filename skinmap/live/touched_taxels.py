@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
+import re
+import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import MissingFileError, SkinMismatchError
+from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, SkinWarning
 from skinmap.io.recordings.touch_files import recorded_robot
 from skinmap.live.loop import TouchLoop
 from skinmap.live.response.pressures import Response
@@ -153,10 +156,14 @@ class Touched:
 def recordings_of(path: Path) -> list[Path]:
     """The recording, or those in a folder and the folders in it, by their names.
 
+    Files of a folder that cannot be read are left out with a warning.
+
     Raises
     ------
     MissingFileError
         A folder without any.
+    DataFormatError
+        A folder of which none can be read.
     """
     from skinmap.io.recordings.touch_files import is_foreign
     from skinmap.io.ros2.bag import is_bag
@@ -166,13 +173,40 @@ def recordings_of(path: Path) -> list[Path]:
     found = sorted(
         one
         for one in path.rglob("*")
-        if (one.suffix.lower() in SUFFIXES or is_foreign(one))
-        and one.is_file()
+        if one.is_file()
+        and (one.suffix.lower() in SUFFIXES or (is_foreign(one) and not _places_taxels(one)))
         and not any(word.startswith(".") for word in one.relative_to(path).parts)
     )
     if not found:
         raise MissingFileError(path, f"recordings ({', '.join(SUFFIXES)}) in this folder")
-    return found
+    return _readable(found, recorded_robot)[0]
+
+
+def _places_taxels(path: Path) -> bool:
+    """Whether a file is a taxel table, which may lie beside recordings and their mapping."""
+    with path.open("rb") as file:
+        header = file.readline(1000).decode("utf-8-sig", "replace")
+    return {"x", "y", "z"} <= set(re.findall(r"\w+", header.lower()))
+
+
+def _readable(paths: Sequence[Path], read: Callable[[Path], Any]) -> tuple[list[Path], list[Any]]:
+    """Recordings that can be read and what was read, with a warning of each that cannot.
+
+    Raises
+    ------
+    DataFormatError
+        None can be read.
+    """
+    kept, found = [], []
+    for path in paths:
+        try:
+            found.append(read(path))
+            kept.append(path)
+        except DataFormatError as error:
+            if len(paths) == 1 or (path == paths[-1] and not kept):
+                raise
+            warnings.warn(f"left out: {error}", SkinWarning, stacklevel=3)
+    return kept, found
 
 
 def robot_of(paths: Sequence[Path]) -> str:
@@ -221,7 +255,8 @@ def touched_in(
         A recording without any of the parts, or of another skin.
     """
     found = Touched(skins)
-    for path in paths:
+
+    def add(path: Path) -> None:
         progress(path.name)
         source = open_one(path)
         shared = [part for part in source.info.parts if part in skins]
@@ -238,6 +273,8 @@ def touched_in(
             found.add(loop, path.name)
         finally:
             loop.close()
+
+    _readable(paths, add)
     return found
 
 

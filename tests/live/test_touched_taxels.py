@@ -12,7 +12,7 @@ from click.testing import CliRunner
 
 import skinmap
 from skinmap.cli.main import cli
-from skinmap.errors import MissingFileError, SkinMismatchError
+from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, SkinWarning
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import StreamInfo
 from skinmap.live.touched_taxels import recordings_of, touched_in
@@ -110,3 +110,35 @@ def test_export_touched_writes_a_line_for_each_taxel(tmp_path):
     assert len(rows) == 240
     assert made["recordings"] == ["one.mcap"]
     assert made["parts"][0]["taxels"] == sum(row["count"] != "0" for row in rows) > 0
+
+
+def test_files_of_a_folder_that_cannot_be_read_are_left_out(robot, tmp_path):
+    """A day's folder holds what a crash left: one such file must not hide the others."""
+    good = tmp_path / "good.mcap"
+    words = ["record", "sim:seed=1", "--robot", "kaspar", "--part", "torso", "--seconds", "2"]
+    assert CliRunner().invoke(cli, [*words, "--speed", "inf", "-o", str(good)]).exit_code == 0
+    (tmp_path / "empty.mcap").write_bytes(b"")
+    (tmp_path / "noise.mcap").write_bytes(b"abc" * 1000)
+    np.savez(tmp_path / "foreign.npz", pressure=np.zeros((5, 240)))
+    with pytest.warns(SkinWarning, match="left out") as told:
+        assert recordings_of(tmp_path) == [good]
+    assert {str(one.message).split(": ")[1].rsplit("/", 1)[1] for one in told} == {
+        "empty.mcap", "noise.mcap", "foreign.npz",
+    }  # fmt: skip
+    out = tmp_path / "touched.csv"
+    words = ["export", str(tmp_path), "--format", "touched", "-o", str(out), "--json"]
+    with pytest.warns(SkinWarning, match="left out"):
+        done = CliRunner().invoke(cli, words)
+    assert done.exit_code == 0, done.output
+    assert json.loads(done.stdout)["recordings"] == ["good.mcap"]
+    good.unlink()
+    with pytest.warns(SkinWarning), pytest.raises(DataFormatError):
+        recordings_of(tmp_path)
+
+
+def test_taxel_table_beside_a_mapping_is_no_recording(tmp_path):
+    (tmp_path / "mapping.toml").write_text('robot = "kaspar"\npart = "torso"\n')
+    (tmp_path / "taxels.csv").write_text("\ufeffchannel,module,x,y,z,nx,ny,nz\n0,0,0,0,0,0,0,1\n")
+    samples = tmp_path / "samples.csv"
+    samples.write_text("time," + ",".join(map(str, range(240))) + "\n")
+    assert recordings_of(tmp_path) == [samples]
