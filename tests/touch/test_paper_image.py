@@ -6,6 +6,7 @@ import pytest
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.io.robots.manifest import load_robot
+from skinmap.touch.images import paper_image
 from skinmap.touch.images.contact_image import image_geometry
 from skinmap.touch.images.paper_image import grey_levels, paper_images, resize
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -95,3 +96,16 @@ def test_resize_turns_a_standing_map(rng):
     lying = resize(standing, (20, 40))
     assert (lying[0, :, -1] == 255).all()
     assert lying[0, :, :-1].max() == 0
+
+
+def test_ties_between_two_levels_do_not_depend_on_the_order_of_a_sum(monkeypatch, rng):
+    """Sums of another machine differ by some units in the last place; levels must not."""
+    images = rng.integers(0, 256, (40, 30, 48)).astype(np.uint8)
+    images[:, ::2] = images[:, 1::2]
+    plain = resize(images, (45, 72))
+    weights = paper_image._resampling
+    for nudge in (1.0 - 2e-16, 1.0 + 4e-16):
+        monkeypatch.setattr(
+            paper_image, "_resampling", lambda n, wanted, nudge=nudge: weights(n, wanted) * nudge
+        )
+        np.testing.assert_array_equal(resize(images, (45, 72)), plain)
