@@ -15,7 +15,7 @@ import zlib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import IO, Any
+from typing import IO, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,6 +46,8 @@ LONGEST = 60 * 10**9  # [ns] that a chunk may last; a head that says more is dam
 DAMAGED = (ValueError, struct.error, OverflowError)
 MAX_RECORD = 64 * 2**20  # bytes of one record, and of what a chunk unfolds to; ours have 64 kB
 PIECE = 2**20  # unfolded at once [bytes]
+
+Found = TypeVar("Found")  # by a way of reading
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,17 +161,28 @@ def scan_index(path: Path) -> FileIndex | None:
 
     Our files state the checksum of their bytes. No chunk is unfolded.
     """
+    return _of_whole(path, _by_index)
+
+
+def scan_summary(path: Path) -> Scan | None:
+    """What a file that ends as ours do says of itself, without its messages; else None."""
+    found = _of_whole(path, _summary)
+    return None if found is None else found[0]
+
+
+def _of_whole(path: Path, read: Callable[[mmap.mmap, Path], Found | None]) -> Found | None:
     size = path.stat().st_size if is_file(path) else 0
     if size < len(MAGIC) + END:
         return None
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         try:
-            return _by_index(data, path)
+            return read(data, path)
         except (*DAMAGED, KeyError, TypeError):  # no such index, or not a true one
             return None
 
 
-def _by_index(data: mmap.mmap, path: Path) -> FileIndex | None:
+def _summary(data: mmap.mmap, path: Path) -> tuple[Scan, list[tuple[Place, int]]] | None:
+    """Its summary, and each chunk with the length of its index."""
     size = len(data)
     footer = size - END
     opcode, length = HEAD.unpack_from(data, footer)
@@ -198,6 +211,14 @@ def _by_index(data: mmap.mmap, path: Path) -> FileIndex | None:
             kind = ATTACHMENT if opcode == ATTACHMENT_INDEX else METADATA
             _content(kind, body, Place(place, record), found, _nothing)
         offset += length
+    return found, chunks
+
+
+def _by_index(data: mmap.mmap, path: Path) -> FileIndex | None:
+    summary = _summary(data, path)
+    if summary is None:
+        return None
+    found, chunks = summary
     whole = json.loads(found.attachments[WHOLE])
     with memoryview(data) as view, view[: int(whole["bytes"])] as before:
         if not len(before) or zlib.crc32(before) != int(whole["crc32"]):

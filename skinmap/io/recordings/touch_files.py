@@ -18,7 +18,8 @@ from skinmap.errors import (
     UnknownNameError,
     check_kind,
 )
-from skinmap.io.mcap.reading import read_track
+from skinmap.io.mcap.mcap_scan import scan_summary
+from skinmap.io.mcap.reading import Index, read_head, read_track
 from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.mapping import find_mapping, is_own_archive, needed_mapping
 from skinmap.io.recordings.recorded_stream import (
@@ -342,8 +343,8 @@ def recorded_robot(path: Path) -> str:
     if mapping is not None:
         return mapping.robot
     if suffix == ".mcap":
-        track = read_track(path)
-        return track.manifest or builtin_named(track.info.robot) or ""
+        head = read_head(scan_summary(path) or Index(path).found)
+        return head.get("manifest") or builtin_named(head.get("robot", "")) or ""
     if suffix == ".npz":
         return next((one.robot for one in load_recordings(path) if one.robot), "")
     return ""
