@@ -83,7 +83,8 @@ def _write_csv(rows: Iterator[list[Cell]], path: Path) -> int:
         table.writerow(COLUMNS)
         for one in rows:
             count += 1
-            table.writerow(f"{cell:.7g}" if isinstance(cell, float) else cell for cell in one)
+            rest = (f"{cell:.7g}" if isinstance(cell, float) else cell for cell in one[1:])
+            table.writerow([f"{one[0]:.6f}", *rest])  # times of a clock of Unix, to 1 us
     return count
 
 

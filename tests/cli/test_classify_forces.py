@@ -202,6 +202,17 @@ def test_record_weighs_no_touches_without_names(folder: Path, tmp_path: Path) ->
     assert "--label or --model" in CliRunner().invoke(cli, words).output
 
 
+def test_contact_tables_keep_times_of_any_clock(tmp_path: Path) -> None:
+    """Seconds of Unix have ten digits before the point, and samples are 10 ms apart."""
+    from skinmap.live.contact_table import COLUMNS, _write_csv
+
+    times = [1.7e9 + 0.01, 1.7e9 + 0.02, 123456.789]
+    rows = ([time, 1, "torso", *[0.5] * (len(COLUMNS) - 3)] for time in times)
+    assert _write_csv(rows, tmp_path / "c.csv") == 3
+    with (tmp_path / "c.csv").open(newline="") as file:
+        assert [float(row["time"]) for row in csv.DictReader(file)] == times
+
+
 def test_contacts_have_newtons_where_a_calibration_is_given(folder: Path, skin) -> None:
     import skinmap
 

@@ -325,9 +325,19 @@ def test_a_recording_that_goes_on_overwrites_nothing(tmp_path):
     assert [file.name for file in recorder.files] == ["t.mcap", "t_0003.mcap"]
 
 
-def test_record_refuses_where_files_of_a_longer_recording_are(tmp_path):
-    earlier = tmp_path / "t_0002.mcap"
-    earlier.write_bytes(b"of yesterday")
+def test_record_replaces_a_longer_recording_whole_and_nothing_else(tmp_path):
+    """Files that a recorder went on with belong to the first one; `t_2024` and others do not."""
+    info = StreamInfo("t", ("a",), (3,), 50.0)
+    others = [tmp_path / f"t_{number}.mcap" for number in ("0001", "2024")]
+    others[0].write_bytes(b"of yesterday")
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    for start in (5000.0, 1000.0):
+        recorder.put(Block(np.array([start]), np.zeros((1, 3)), 0.0))
+    recorder.close()
+    others[1].write_bytes((tmp_path / "t.mcap").read_bytes())
+    went_on = tmp_path / "t_0002.mcap"
+    assert recorder.files == [tmp_path / "t.mcap", went_on]
+    (tmp_path / "t.mcap").unlink()
 
     def again(**how):
         source = skinmap.open_source("sim", robot="kaspar", parts=["torso"], speed=np.inf)
@@ -338,6 +348,39 @@ def test_record_refuses_where_files_of_a_longer_recording_are(tmp_path):
 
     with pytest.raises(OutputError, match=r"t_0002\.mcap' exists already"):
         again()
-    assert earlier.exists()
+    assert went_on.exists()
     assert again(replace=True).samples == 10
-    assert not earlier.exists()
+    assert not went_on.exists()
+    assert all(one.exists() for one in others)
+
+
+@pytest.mark.parametrize("fall", [503.0, 1.5])
+def test_touch_is_marked_in_the_file_of_its_samples_where_time_falls(tmp_path, info, values, fall):
+    """The mark comes once the touch is over: by then a new file may have begun."""
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    times = 500.0 + np.arange(150) / 50
+    recorder.put(Block(times, values[:150], 0.0))
+    recorder.put(Block(times[:20] - fall + 3.0, values[:20], 0.0))
+    recorder.mark("a", 1, "poke", began=502.2, ended=502.96)
+    recorder.put(Block(times[20:90] - fall + 3.0, values[:70], 0.0))
+    recorder.mark("a", 2, "tap", began=500.6 - fall + 3.0, ended=500.8 - fall + 3.0)
+    recorder.close()
+    first, second = (read_track(file).touches for file in recorder.files)
+    assert [(one.label, one.first, one.last) for one in first] == [("poke", 110, 148)]
+    assert [(one.label, one.first, one.last) for one in second] == [("tap", 30, 40)]
+
+
+def test_touch_over_the_end_of_a_file_is_marked_in_both(tmp_path, info, values, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(module.time, "monotonic", lambda: now[0])
+    recorder = Recorder(tmp_path / "t.mcap", info, rotate_seconds=10)
+    for first in (0, 50):
+        recorder.put(block(values, first, 50))
+        with recorder._jobs._changed:
+            assert recorder._jobs._changed.wait_for(lambda: recorder.counts.waiting == 0, DEADLINE)
+        now[0] += 0.0 if first else 20.0
+    recorder.mark("a", 1, "poke", began=0.8, ended=1.2)
+    recorder.close()
+    before, after = (read_track(file).touches for file in recorder.files)
+    assert [(one.first, one.last) for one in before] == [(40, 49)]
+    assert [(one.first, one.last) for one in after] == [(0, 10)]

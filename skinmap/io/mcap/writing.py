@@ -305,6 +305,7 @@ class McapRecording:
         chunk_seconds: float = CHUNK_SECONDS,
         model: Robot | None = None,
         points_hz: float = POINTS_HZ,
+        continues: str = "",
     ) -> None:
         self.path = path
         self.samples: dict[Kind, int] = dict.fromkeys(widths, 0)
@@ -331,6 +332,7 @@ class McapRecording:
             "samples": json.dumps(dict(samples or {})),
             "session": session,
             "person": person,
+            "continues": continues,
         }
         self._head = head
         try:

@@ -328,6 +328,7 @@ class TouchBook:
     def _fold(entry: Entry, into: Entry) -> None:
         if entry.presses > into.presses:
             into.presses, into.pressed_at = entry.presses, entry.pressed_at
+            into.released_at = entry.released_at
         into.began = min(into.began, entry.began)
         into.area, into.peak = max(into.area, entry.area), max(into.peak, entry.peak)
         into.area_least = max(into.area_least, entry.area_least)

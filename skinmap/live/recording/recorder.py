@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from skinmap.errors import SkinError, SkinMismatchError
+from skinmap.io.mcap.mcap_scan import scan_summary
+from skinmap.io.mcap.reading import Index, read_head
 from skinmap.io.mcap.writing import CHUNK_SECONDS, POINTS_HZ, McapRecording
 from skinmap.io.ros2.messages import TouchMarker
 from skinmap.live.bounded_queue import BoundedQueue, QueueEnded
@@ -22,6 +24,7 @@ from skinmap.skin.robot import Robot
 MAX_BYTES = 64 * 2**20  # waiting to be written: 5 minutes of a whole iCub at 50 Hz
 BEHIND = 0.15  # seconds of samples that may wait where they come faster than
 AHEAD = 0.05  # seconds before their time: all of a pause at once, as a busy machine gives them
+HELD = 60.0  # a file stays open so long [s] after the next one began, for touches that it began
 RESTART = 1.0  # a time that falls by more [s] is a new start: it gets a file of its own
 ROTATE_SECONDS = 3600.0
 ROTATE_BYTES = 2**30
@@ -104,6 +107,8 @@ class Recorder:
         self._jobs: BoundedQueue[Callable[[McapRecording], None]] = BoundedQueue(most_bytes)
         self._error: Exception | None = None
         self._newest = float("-inf")
+        self._first = float("nan")  # time of the first sample in the file that is written
+        self._before: tuple[McapRecording, float, float] | None = None  # with its first and last
         self._file = self._open(path)
         self._thread = threading.Thread(target=self._work, name="recorder", daemon=True)
         self._thread.start()
@@ -176,7 +181,23 @@ class Recorder:
 
     def mark(self, part: str, event: int, label: str, **how: Any) -> None:
         """Queue a mark of a touch (see `McapRecording.mark`)."""
-        self._jobs.put(lambda file: file.mark(part, event, label, **how), 0, patience=0.0)
+        self._jobs.put(lambda _: self._mark(part, event, label, **how), 0, patience=0.0)
+
+    def _mark(
+        self, part: str, event: int, label: str, *, began: float, ended: float | None, **how: Any
+    ) -> None:
+        """Mark a touch in the files that hold its samples, in each from its first one there."""
+        last = began if ended is None else ended
+        here = last <= self._newest
+        if self._before is not None and not (here and began >= self._first):
+            file, first, newest = self._before
+            if first <= began <= newest:
+                end = None if ended is None else min(ended, newest)
+                file.mark(part, event, label, began=began, ended=end, **how)
+                here &= last >= self._first
+                began = max(began, self._first)
+        if here or self._before is None:
+            self._file.mark(part, event, label, began=began, ended=ended, **how)
 
     def show_touches(self, time: float, touches: Sequence[TouchMarker]) -> None:
         """Queue markers of what touches at a time [s]."""
@@ -218,6 +239,7 @@ class Recorder:
         except QueueEnded:
             with self._writing() as mine:
                 if mine:
+                    self._end_before()
                     self._file.close()
         except Exception as error:  # noqa: BLE001 - what the queue was ended with
             self._error = error
@@ -241,6 +263,8 @@ class Recorder:
     def _fail(self, error: Exception) -> None:
         """Keep the file readable, and raise the error at the next sample."""
         with contextlib.suppress(SkinError):
+            self._end_before()
+        with contextlib.suppress(SkinError):
             self._file.close()
         self._error = error
         self._jobs.end(error, at_once=True)
@@ -251,6 +275,10 @@ class Recorder:
                 if now < self._newest - RESTART:
                     self._next_file()
                 self._newest = max(now, self._newest) if now > self._newest - RESTART else now
+                if self._first != self._first:
+                    self._first = now
+                elif self._before is not None and now > self._first + HELD:
+                    self._end_before()
             self._file.add(kind, now, row)
             if kind == self.info.kind:
                 self._written += 1
@@ -259,8 +287,17 @@ class Recorder:
         most_bytes, most_seconds = self._rotate
         return self._file.size >= most_bytes or time.monotonic() - self._opened >= most_seconds
 
+    def _end_before(self) -> None:
+        before, self._before = self._before, None
+        if before is not None:
+            before[0].close()
+
     def _next_file(self) -> None:
-        self._file.close()
+        self._end_before()
+        if self._file.age:
+            self._file.flush()
+        self._before = self._file, self._first, self._newest
+        self._first = float("nan")
         first = self.files[0]
         numbers = count(len(self.files) + 1)
         names = (first.with_name(f"{first.stem}_{k:04d}{first.suffix}") for k in numbers)
@@ -290,9 +327,19 @@ class Recorder:
             chunk_seconds=self._chunk_seconds,
             model=self._robot,
             points_hz=self._points_hz,
+            continues="" if path == self.files[0] else self.files[0].name,
         )
 
 
 def continued(path: Path) -> list[Path]:
-    """The files that a recorder went on with after `path`, and those of an earlier recording."""
-    return sorted(path.parent.glob(f"{glob.escape(path.stem)}_[0-9][0-9][0-9][0-9]{path.suffix}"))
+    """The files that a recorder went on with after `path`; others with such a name are not."""
+    found = path.parent.glob(f"{glob.escape(path.stem)}_[0-9][0-9][0-9][0-9]{path.suffix}")
+    return [one for one in sorted(found) if _goes_on(one, path)]
+
+
+def _goes_on(path: Path, first: Path) -> bool:
+    try:
+        head = read_head(scan_summary(path) or Index(path).found)
+    except SkinError:
+        return False
+    return head.get("continues") == first.name
