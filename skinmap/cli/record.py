@@ -50,6 +50,8 @@ class RecordResult:
     ----------
     samples, dropped
         Written, and lost because the disk was too slow.
+    counts
+        Number of samples by what became of them on the way here.
     touches
         Number of marked touches by label; empty without --label and --model.
     withdrawn
@@ -62,6 +64,7 @@ class RecordResult:
 
     samples: int
     dropped: int
+    counts: dict[str, int]
     touches: dict[str, int]
     withdrawn: int
     bytes: int
@@ -154,6 +157,7 @@ def command(
     skins = {part: PreparedSkin(loaded.skin(part)) for part in origin.info.parts if calibrations}
     loads = load_calibrations(calibrations, skins)
     shown = _Shown(output, sys.stderr, named=named)
+    loop = None
     try:
         for path in continued(output):
             path.unlink()  # of the recording that --force replaces
@@ -187,9 +191,12 @@ def command(
     finally:
         shown.end()
         origin.close()
+    unfit = recorded.unfit.joined(origin.counts)
+    counts = unfit.as_dict() if loop is None else loop.totals()
     result = RecordResult(
         samples=recorder.counts.written,
         dropped=recorder.counts.dropped,
+        counts=counts,
         touches=dict(sorted(shown.touches.items())),
         withdrawn=shown.withdrawn,
         bytes=sum(file.stat().st_size for file in recorder.files),
@@ -206,6 +213,7 @@ def _warn(recorded: RecordingTap, output: Path) -> None:
     import numpy as np
 
     from skinmap.errors import SkinWarning
+    from skinmap.live.response.sample_checks import check_range
     from skinmap.soundness.examination import FALSIFYING, examine_track
     from skinmap.soundness.track import Track
 
@@ -213,6 +221,7 @@ def _warn(recorded: RecordingTap, output: Path) -> None:
         return
     values = np.concatenate([one.values for one in recorded.kept])
     times = np.concatenate([one.times for one in recorded.kept])
+    check_range(values, recorded.info)
     found = examine_track(Track(str(output), values, times))[0].findings
     worst = next((one for one in found if one.kind in FALSIFYING), None)
     if worst is not None:
@@ -233,8 +242,12 @@ def _check_output(output: Path, source: str) -> None:
 
 
 def _lines(result: RecordResult) -> Iterator[str]:
+    from skinmap.live.sources.source import Counts
+
     size = result.bytes / 1e6
     yield f"{result.samples} samples, {result.dropped} dropped, {size:.1f} MB"
+    if faults := Counts(**result.counts).faults():
+        yield f"on the way: {faults}"
     if result.touches:
         yield _counted(result.touches)
     if result.withdrawn:

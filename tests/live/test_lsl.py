@@ -167,8 +167,19 @@ def test_stream_of_text_is_refused(name, lsl):
 
 def test_stream_of_another_skin_is_refused(name, lsl, icub):
     theirs = outlet(lsl, name)
-    with pytest.raises(UnknownNameError, match="no part 'all'"):
+    with pytest.raises(SkinMismatchError, match=r"has 5 channels; of torso, .* none has so many"):
         open_source(f"lsl:{name}", robot=icub)
+    del theirs
+
+
+def test_stream_that_names_no_part_is_of_the_one_that_has_so_many_taxels(name, lsl, icub):
+    width = len(icub.skin("left_hand"))
+    theirs = outlet(lsl, name, channels=width)
+    with pytest.raises(SkinMismatchError, match="left_hand, right_hand have so many: give --part"):
+        open_source(f"lsl:{name}", robot=icub)
+    source = open_source(f"lsl:{name}", robot=icub, parts=["left_hand"])
+    assert (source.info.parts, source.info.widths) == (("left_hand",), (width,))
+    source.close()
     del theirs
 
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import errno
 import io
 import threading
+from itertools import chain
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,14 +15,16 @@ from mcap.reader import make_reader
 
 import skinmap
 from benchmarks.live import recordings
-from skinmap.errors import OutputError, SkinMismatchError
+from skinmap.errors import OutputError, SkinMismatchError, SkinWarning
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.mcap.writing import McapRecording, McapWriter
 from skinmap.live.recording import recorder as module
+from skinmap.live.recording import recording_tap as tap_module
 from skinmap.live.recording.recorder import Recorder
 from skinmap.live.recording.recording_tap import RecordingTap
+from skinmap.live.response.sample_checks import SampleChecks
 from skinmap.live.sources.playback import Playback
-from skinmap.live.sources.source import Block, SourceEnded, StreamInfo, blocks
+from skinmap.live.sources.source import Block, Counts, Source, SourceEnded, StreamInfo, blocks
 
 ROOT = Path(__file__).parents[2]
 N = 300
@@ -384,3 +388,61 @@ def test_touch_over_the_end_of_a_file_is_marked_in_both(tmp_path, info, values, 
     before, after = (read_track(file).touches for file in recorder.files)
     assert [(one.first, one.last) for one in before] == [(40, 49)]
     assert [(one.first, one.last) for one in after] == [(0, 10)]
+
+
+class Planned(Source):
+    """A live source of one part that gives planned blocks, and None once they are over."""
+
+    def __init__(self, *planned: Block) -> None:
+        super().__init__(StreamInfo("planned", ("a",), (N,), 50.0, "raw"))
+        self._planned = list(planned)
+
+    def read(self, timeout: float) -> Block | None:
+        return self._planned.pop(0) if self._planned else None
+
+    def close(self) -> None:
+        pass
+
+
+def tapped(tmp_path, source: Source, seconds: float) -> tuple[RecordingTap, Recorder, list[Block]]:
+    recorder = Recorder(tmp_path / "t.mcap", source.info)
+    tap = RecordingTap(source, recorder, seconds=seconds)
+    given = list(blocks(tap, timeout=0.0))
+    recorder.close()
+    return tap, recorder, given
+
+
+def test_recording_of_a_time_ends_where_the_source_dies(tmp_path, values, monkeypatch):
+    now = [50.0]
+    clock = SimpleNamespace(monotonic=lambda: now.append(now[-1] + 0.5) or now[-1])
+    monkeypatch.setattr(tap_module, "time", clock)
+    _, recorder, _ = tapped(tmp_path, Planned(block(values, 0, 20)), seconds=5.0)
+    assert recorder.counts.written == 20
+    assert 55.0 < now[-1] < 60.0
+
+
+def test_a_clock_that_falls_does_not_make_a_recording_longer(tmp_path, values):
+    planned = [Block(500.0 + np.arange(50) / 50, values[:50], 0.0)]
+    planned += [Block(first + np.arange(50) / 50, values[:50], 0.0) for first in range(5)]
+    _, recorder, _ = tapped(tmp_path, Planned(*planned), seconds=3.0)
+    assert recorder.counts.written == 150 + 1
+
+
+def test_samples_of_another_width_are_counted_and_end_no_recording(tmp_path, values):
+    planned = [block(values, 0, 5), block(values[:, :-1], 5, 2), block(values, 7, 5)]
+    tap, recorder, given = tapped(tmp_path, Planned(*planned), seconds=0.24)
+    assert recorder.counts.written == 10
+    assert (tap.unfit.short, tap.unfit.long) == (2, 0)
+    assert len(given) == 3, "who follows is given them, and counts them too"
+    assert tap.unfit.faults() == "2 with too few values"
+
+
+def test_values_of_more_than_eight_bits_are_warned_of_once(info, values):
+    checks = SampleChecks(info, Counts(), seekable=False)
+    loud = [Block(k + np.arange(5) / 50, 16.0 * values[:5], 0.0) for k in range(3)]
+    three = chain.from_iterable(checks.look(one) for one in loud)
+    with pytest.warns(SkinWarning, match="sends values up to 4080: raw values are 0 to") as told:
+        assert len(list(three)) == 3
+    assert len(told) == 1
+    noisy = Block(np.arange(5) / 50, values[:5].astype(np.float32) - 20.0, 0.0)
+    list(SampleChecks(info, Counts(), seekable=False).look(noisy))  # a warning is an error here

@@ -225,7 +225,8 @@ class _Run:
         median = "-" if shares[0] is None else f"{shares[0]:.1f}"
         click.echo(
             f"{self.touches} touches in {summary.counts.used} samples, "
-            f"{summary.counts.lost} lost; {median} ms from a sample to its labels (median)"
+            f"{summary.counts.faults() or '0 lost'}; "
+            f"{median} ms from a sample to its labels (median)"
         )
 
 

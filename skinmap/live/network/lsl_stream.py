@@ -9,6 +9,7 @@ import time
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -24,6 +25,7 @@ from skinmap.errors import (
     UnreachableError,
 )
 from skinmap.live.network.lsl_settings import (
+    ALL,
     TEXT_TYPE,
     TYPE,
     describe,
@@ -58,6 +60,8 @@ class LslSource(Source):
         unique), behind "//any/" or "//HOST/" for other machines' streams.
     robot : Robot, optional
         Whose skin it must be, by the description.
+    parts : sequence of str, optional
+        One of them is that of a stream that names none.
 
     Raises
     ------
@@ -73,11 +77,13 @@ class LslSource(Source):
     To be read from one thread: `open_lsl` puts a `Receiver` around it.
     """
 
-    def __init__(self, address: str, *, robot: Robot | None = None) -> None:
+    def __init__(
+        self, address: str, *, robot: Robot | None = None, parts: Sequence[str] | None = None
+    ) -> None:
         scope, name = split_scope(address)
         self._lsl = load_lsl(scope)
         self._name, _, self._uid = name.partition("#")
-        self._robot = robot
+        self._robot, self._parts = robot, parts
         self._inlet, info = self._open(self._find())
         super().__init__(info)
         self._last_seen = time.perf_counter()
@@ -151,6 +157,7 @@ class LslSource(Source):
         try:
             info = read_description(inlet.info(ANSWER))
             if self._robot is not None:
+                info = self._placed(info, self._robot)
                 check_skin(info, self._robot)
             inlet.open_stream(ANSWER)
         except (lsl.util.TimeoutError, lsl.util.LostError) as error:
@@ -162,6 +169,23 @@ class LslSource(Source):
             with suppress(RuntimeError):  # no answer in time: it is asked again
                 self._offset = inlet.time_correction(CORRECT)
         return inlet, info
+
+    def _placed(self, info: StreamInfo, robot: Robot) -> StreamInfo:
+        """A stream that names no part is of the one asked for, or the only one of its width."""
+        if info.parts != (ALL,) or ALL in robot.parts:
+            return info
+        asked = self._parts or robot.parts
+        fitting = [part for part in asked if part not in robot.parts
+                   or len(robot.skin(part)) == info.channels]  # fmt: skip
+        if len(fitting) != 1:
+            words = (
+                f"{', '.join(fitting)} have so many: give --part" if fitting else "none has so many"
+            )
+            raise SkinMismatchError(
+                f"LSL stream {info.name!r} names no part and has {info.channels} channels; of "
+                f"{', '.join(asked)} {words}"
+            )
+        return replace(info, parts=(fitting[0],))
 
     def _reconnect(self) -> bool:
         """Look once for a stream of the same name and skin."""
@@ -200,7 +224,7 @@ def open_lsl(
     address: str, *, robot: Robot | None, parts: Sequence[str] | None, **_: object
 ) -> Source:
     """Follow a stream in a thread; see `skinmap.live.open_source`."""
-    return follow(LslSource(address, robot=robot), parts)
+    return follow(LslSource(address, robot=robot, parts=parts), parts)
 
 
 TAKEN = 0.3  # so long a stream of the same name is looked for [s]

@@ -2,17 +2,27 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
 from skinmap.errors import OutputError, UnknownNameError
-from skinmap.live.recording.recorder import Recorder, continued
+from skinmap.live.recording.recorder import RESTART, Recorder, continued
 from skinmap.live.sources.open_source import open_source, resolve_robot
-from skinmap.live.sources.source import Block, Relay, Source, SourceEnded, blocks
+from skinmap.live.sources.source import (
+    Block,
+    Counts,
+    Relay,
+    Source,
+    SourceEnded,
+    blocks,
+    is_live,
+)
 from skinmap.skin.robot import Robot
 
+GRACE = 2.0  # a live source that falls silent ends so long after its time [s]
 PATIENCE = 60.0  # seconds to wait for a slow disk before a sample is dropped
 KEPT = 6000  # samples from the beginning that are kept in memory
 HAIR = 1e-6  # [s]; times are multiples of a step only nearly
@@ -34,6 +44,8 @@ class RecordingTap(Relay):
     ----------
     kept : list of Block
         The first of the samples, to look at when the recording is over.
+    unfit : Counts
+        Samples of another number of values than the stream's: handed on, not recorded.
     """
 
     def __init__(
@@ -47,8 +59,12 @@ class RecordingTap(Relay):
         super().__init__(source)
         self.recorder, self._patience = recorder, patience
         self._seconds = float("inf") if seconds is None else seconds
-        self._end = float("inf")
+        self._end = self._last = float("inf")
         self._ended = False
+        self._quiet: float | None = (
+            None  # when this machine's clock ends a source that falls silent
+        )
+        self.unfit = Counts()
         self.kept: list[Block] = []
         self._angles: Mapping[str, float] = {}
 
@@ -56,11 +72,23 @@ class RecordingTap(Relay):
         """What the source gives, recorded."""
         if self._ended:
             raise SourceEnded
+        if self._quiet is None:
+            self._quiet = time.monotonic() + self._seconds + GRACE
         block = self.source.read(timeout)
         if block is None or len(block) == 0:
+            if is_live(self.source) and time.monotonic() > self._quiet:
+                self._ended = True
             return None
+        if (width := block.values.shape[1]) != self.info.channels:
+            name = "short" if width < self.info.channels else "long"
+            setattr(self.unfit, name, getattr(self.unfit, name) + len(block))
+            return block
         if self._end == float("inf"):
+            self._quiet = time.monotonic() + self._seconds + GRACE
             self._end = float(block.times[0]) + self._seconds
+        elif block.times[0] < self._last - RESTART:  # the clock began anew
+            self._end += float(block.times[0]) - self._last
+        self._last = float(block.times[-1])
         if block.times[-1] >= self._end - HAIR:
             self._ended = True
             rows = block.times < self._end - HAIR

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Iterator
 from typing import Any
 
@@ -10,15 +11,32 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
+from skinmap.errors import SkinWarning
 from skinmap.live.sources.source import Block, Counts, StreamInfo
 
 RANGE = (0.0, 255.0)  # counts
+FAR = 2 * RANGE[1]  # noise and a gain reach less beyond the range
 JUMP = 1.0  # a clock that goes on by so much more than time passed was set anew [s]
 LATE = 0.1  # a live clock that goes back by more, and by more than `ORDER` periods, as well [s]
 ORDER = 5.0
 LATER = 0.75  # periods that a sample may come late before one is missed
 FORGIVE = 0.9  # a clock that is off by a few percent must not add up to missed samples
 logger = logging.getLogger(__name__)
+
+
+def check_range(values: NDArray[Any], info: StreamInfo) -> bool:
+    """Whether values (k, channels) can be counts; a warning where they are of more than 8 bits."""
+    top = float(np.max(values, initial=0.0, where=np.isfinite(values)))
+    if top <= FAR:
+        return True
+    warnings.warn(
+        f"{info.name!r} sends values up to {top:g}: {info.kind} values are 0 to 255 counts, and "
+        "what lies above is cut off. Scale them at the source, or read a recording of them by a "
+        "mapping with full_scale (docs/own_recordings.md)",
+        SkinWarning,
+        stacklevel=2,
+    )
+    return False
 
 
 class SampleChecks:
@@ -38,6 +56,7 @@ class SampleChecks:
         self._last = self._arrived = float("nan")
         self._behind = 0.0  # periods that samples are late by now
         self._good: NDArray[Any] = np.zeros(info.channels, np.float64)
+        self._in_range = True  # until a sample lies far beyond
 
     def forget(self) -> None:
         """The recording was led elsewhere: the next sample may be the last one once more."""
@@ -121,6 +140,8 @@ class SampleChecks:
             values[row, bad[row]] = before[bad[row]]
         outside = ((values < RANGE[0]) | (values > RANGE[1])).any(axis=1)
         self._counts.out_of_range += int(outside.sum())
+        if self._in_range:
+            self._in_range = check_range(values, self._info)
         values = np.clip(values, *RANGE)
         self._good = values[-1]
         return values

@@ -87,6 +87,18 @@ class Counts:
         """By name."""
         return asdict(self)
 
+    def faults(self) -> str:
+        """What went wrong on the way, in words; empty where nothing did.
+
+        Examples
+        --------
+        >>> from skinmap.live.sources.source import Counts
+        >>> Counts(received=300, lost=23, refused=4).faults()
+        '23 lost, 4 messages refused'
+        """
+        found = ((getattr(self, name), words) for name, words in FAULTS.items())
+        return ", ".join(f"{count} {words}" for count, words in found if count)
+
     def joined(self, theirs: Counts) -> Counts:
         """These and what a source counted on the way."""
         both = {name: getattr(self, name) + getattr(theirs, name) for name in self.__slots__}
@@ -94,6 +106,20 @@ class Counts:
         for name in ("received", "lost"):
             both[name] = max(getattr(self, name), getattr(theirs, name))
         return Counts(**both)
+
+
+FAULTS = {
+    "lost": "lost",
+    "refused": "messages refused",
+    "late": "late",
+    "repeated": "given twice",
+    "short": "with too few values",
+    "long": "with too many values",
+    "nan": "with NaN",
+    "out_of_range": "out of 0 to 255 counts",
+    "restarts": "restarts of the clock",
+    "reconnects": "reconnections",
+}
 
 
 __all__ = [
