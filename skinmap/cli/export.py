@@ -41,6 +41,7 @@ IMAGES = "images"  # a folder of pictures of a recording
 ENDINGS = {TOUCHED: (".csv",), RERUN: (".rrd",), CONTACTS: (".csv", ".parquet")}
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
+WRITTEN = (".mcap", *WRITERS)  # endings that only recordings are written in
 MCAP = ".mcap"
 
 
@@ -340,9 +341,8 @@ def command(
         raise click.UsageError("--calibration needs --format contacts")
     from skinmap.io.recordings.touch_files import is_foreign
 
-    recorded = _is_recording(Path(robot)) or (
-        format in (RERUN, CONTACTS, *FOLDERS) and is_foreign(Path(robot))
-    )
+    written = format in (RERUN, CONTACTS, *FOLDERS) or output.suffix.lower() in WRITTEN
+    recorded = _is_recording(Path(robot)) or (written and is_foreign(Path(robot)))
     if format in (RERUN, CONTACTS, *FOLDERS) and not recorded:
         raise click.UsageError(f"{format} is for recordings, and {robot} is not one")
     result: Exported

@@ -9,6 +9,7 @@ import signal
 import sys
 import traceback
 import warnings
+from functools import cache
 from importlib.metadata import entry_points
 from types import MappingProxyType
 
@@ -153,8 +154,13 @@ def _one_line(error: click.ClickException) -> str:
 
 
 def _warn(message: Warning | str, *_: object, **__: object) -> None:
-    """One line on standard error, without the place in our code that warned."""
-    click.echo(visible(f"Warning: {message}"), err=True)
+    """One line on standard error, once, without the place in our code that warned."""
+    _say_once(visible(f"Warning: {message}"))
+
+
+@cache
+def _say_once(line: str) -> None:
+    click.echo(line, err=True)
 
 
 def _fail(message: str, code: int, debug: bool) -> None:

@@ -24,6 +24,8 @@ from skinmap.errors import (
     SkinMismatchError,
     check_kind,
 )
+from skinmap.io.recordings.channel_table import SECONDS
+from skinmap.io.recordings.mapping import Mapping as FileMapping
 from skinmap.io.recordings.mapping import find_mapping
 from skinmap.io.text import check_file
 
@@ -344,23 +346,31 @@ def _from_table(path: Path) -> Track:
         heads = next(csv.reader([head], delimiter=split, skipinitialspace=True))
     except csv.Error as error:
         raise DataFormatError(f"not a table: {error}", path) from None
-    names = [one.strip() for one in heads]
-    if all(_is_number(one) for one in names if one):
+    mapping = find_mapping(path)
+    columns = () if mapping is None else mapping.columns
+    names = list(columns) or [one.strip() for one in heads]
+    if not columns and all(_is_number(one) for one in names if one):
         raise DataFormatError(
             "no header: a column `time` and a name for each channel expected", path
         )
-    rest = list(lines)
+    rest = [head, *lines] if columns else list(lines)
     if not rest:
         raise DataFormatError("a header and no rows", path)
-    known = _named_columns(path)
+    known = _named_columns(mapping)
     beside = [k for k, one in enumerate(names) if one.lower() in (*known, *known.values())]
     numbers = [k for k in range(len(names)) if k not in beside]
     table = _numbers_of(rest, numbers, len(names), split, path)
     lower = [names[k].lower() for k in numbers]
-    clock = next((k for k, one in enumerate(lower) if one in TIMES), None)
-    event = next((k for k, one in enumerate(lower) if one in EVENTS), None)
+    ours: tuple[tuple[str, ...], ...] = (TIMES, EVENTS)
+    if mapping is not None:
+        ours = (mapping.time.lower(),), ((mapping.event_column or EVENTS[0]).lower(),)
+    clock, event = (next((k for k, one in enumerate(lower) if one in own), None) for own in ours)
     kept = [k for k in range(len(numbers)) if k not in (clock, event)]
+    if mapping is not None and mapping.channels:
+        kept = [k for k in kept if names[numbers[k]] in mapping.channels]
     times, unit = _times(None if clock is None else table[:, clock], len(table), path)
+    if mapping is not None and clock is not None:
+        times, unit = table[:, clock] * SECONDS[mapping.time_unit], ""
     words: dict[str, tuple[str, ...]] = {}
     for k in beside:
         said = tuple(line.rstrip("\n").split(split)[k].strip() for line in rest)
@@ -381,9 +391,8 @@ def _from_table(path: Path) -> Track:
     )  # fmt: skip
 
 
-def _named_columns(path: Path) -> dict[str, str]:
+def _named_columns(mapping: FileMapping | None) -> dict[str, str]:
     """Fields of columns of words, by their names and by the mapping of the file."""
-    mapping = find_mapping(path)
     if mapping is None:
         return WORDS
     own = {"labels": mapping.label_column, "sessions": mapping.session_column,

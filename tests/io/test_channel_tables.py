@@ -12,6 +12,7 @@ import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, MissingFileError, SkinWarning
 from skinmap.io.recordings.touch_files import read_recordings, recording_readers
+from skinmap.soundness.track import read_track
 from skinmap.touch.recording import Recording
 
 ROBOT, PART = "kaspar", "left_hand"
@@ -231,3 +232,65 @@ def test_a_manifest_beside_a_table_is_no_mapping(tmp_path, channels, values):
     assert run(cli, ["examine", str(tmp_path / "t.csv")]).exit_code == 0
     (tmp_path / "mapping.toml").write_text(MAPPING + 'label = "poke"\n')
     assert read_recordings(tmp_path / "t.csv")[0].labels == ("poke",)
+
+
+def test_a_table_is_examined_as_its_mapping_reads_it(tmp_path, channels, values):
+    """Its own names of time and events, milliseconds of Unix, and a column that is no channel."""
+    times = 1.7e12 + 100 * np.arange(SAMPLES)
+    table = tmp_path / "t.csv"
+    extra = [("heat", np.full(SAMPLES, 31)), ("touch_no", np.arange(SAMPLES) // 20)]
+    write_csv(table, channels, values, extra=extra)
+    table.write_text(table.read_text().replace("time", "stamp_ms", 1))
+    lines = table.read_text().splitlines()
+    rows = [f"{t:.0f},{line.split(',', 1)[1]}" for t, line in zip(times, lines[1:], strict=True)]
+    table.write_text("\n".join([lines[0], *rows]))
+    table.with_suffix(".toml").write_text(
+        MAPPING + 'time = "stamp_ms"\ntime_unit = "ms"\nevent_column = "touch_no"\n[channels]\n'
+        + "".join(f"ch{k} = {k}\n" for k in channels)
+    )  # fmt: skip
+    track = read_track(table)
+    assert track.values.shape == values.shape
+    assert track.unit == ""
+    np.testing.assert_allclose(np.diff(track.times), 0.1, rtol=0, atol=1e-6)
+    assert np.array_equal(track.events, np.arange(SAMPLES) // 20)
+
+
+def test_a_recording_of_others_is_exported(tmp_path, channels, values):
+    h5py = pytest.importorskip("h5py")
+    path, out = written(tmp_path, "csv", channels, values), tmp_path / "t.h5"
+    done = CliRunner().invoke(cli, ["export", str(path), "-o", str(out)])
+    assert done.exit_code == 0, done.output
+    with h5py.File(out) as file:
+        rows = np.argsort(np.argsort(channels))
+        held = file[f"{PART}/values"][()]
+        assert held.shape == values.shape
+        assert np.array_equal(held[:, np.argsort(rows)], values[:, np.argsort(channels)])
+
+
+def test_arrays_without_times_need_a_rate(tmp_path, channels, values):
+    path = tmp_path / "t.npz"
+    np.savez(path, values=values, channels=channels)
+    path.with_suffix(".toml").write_text(MAPPING)
+    with pytest.raises(DataFormatError, match="no `times`"):
+        read_recordings(path)
+    path.with_suffix(".toml").write_text(MAPPING + 'rate_hz = 20\ntime_unit = "ms"\n')
+    (recording,) = read_recordings(path)
+    np.testing.assert_allclose(np.diff(recording.times), 0.05)
+
+
+@pytest.mark.parametrize(
+    ("scale", "more", "match"),
+    [
+        (-16.0, "", "no pressure lies above 0"),
+        (1.0, "falling = true\n", "no pressure lies above 0"),
+        (1 / 255, "", "the largest pressure is 1 of 255 counts"),
+        (16.0, "", "values reach 4080, and 255 counts are the most"),
+    ],
+)
+def test_a_mapping_that_loses_the_pressures_is_warned_of(tmp_path, channels, scale, more, match):
+    values = np.tile(np.linspace(0, 255, SAMPLES)[:, None], (1, len(channels)))
+    path = tmp_path / "t.npz"
+    np.savez(path, values=scale * values, times=np.arange(SAMPLES) / 10, channels=channels)
+    path.with_suffix(".toml").write_text(MAPPING + more)
+    with pytest.warns(SkinWarning, match=match):
+        read_recordings(path)

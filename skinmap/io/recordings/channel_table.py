@@ -95,6 +95,7 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
         if mapping.rest_percentile is not None:
             values = _above_rest(values, table.stretches, mapping.rest_percentile)
         counts = values * (COUNTS / mapping.full_scale)
+        _check_scale(counts, mapping, path)
         np.rint(np.clip(counts, 0.0, COUNTS, out=counts), out=counts)  # may be a gigabyte
     np.nan_to_num(counts, copy=False, nan=0.0)
     pressures = np.zeros((len(counts), len(skin)), np.uint8)
@@ -114,6 +115,25 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
         robot=mapping.robot,
         sessions=sessions,
         people=people,
+    )
+
+
+def _check_scale(counts: FloatArray, mapping: Mapping, path: Path) -> None:
+    """Warn where a mapping makes nothing of pressures, or all of them the largest."""
+    low, high = (float(end(counts, initial=0.0)) for end in (np.nanmin, np.nanmax))
+    as_counted = mapping.full_scale == COUNTS and mapping.rest_percentile is None
+    if low < 0.0 == high:
+        wrong = "no pressure lies above 0"
+    elif as_counted and 0.0 < high <= 1.0 and bool((counts % 1.0).any()):
+        wrong = f"the largest pressure is {high:.2g} of 255 counts"
+    elif as_counted and high > 2.0 * COUNTS:
+        wrong = f"values reach {high:.4g}, and 255 counts are the most"
+    else:
+        return
+    warnings.warn(
+        f"{path.name}: {wrong}; see rest_percentile, full_scale and falling of its mapping",
+        SkinWarning,
+        stacklevel=2,
     )
 
 
@@ -381,8 +401,12 @@ def _table_of(arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Pa
     if values is None or values.ndim != 2 or values.dtype.kind not in "uif":
         raise DataFormatError("no table of numbers called `values`, one row a sample", path)
     count, width = values.shape
-    steps = np.arange(count) / (mapping.rate_hz or 1.0)
-    times = np.asarray(arrays.get("times", steps), np.float64) * SECONDS[mapping.time_unit]
+    if "times" in arrays:
+        times = np.asarray(arrays["times"], np.float64) * SECONDS[mapping.time_unit]
+    elif mapping.rate_hz is not None:
+        times = np.arange(count) / mapping.rate_hz
+    else:
+        raise DataFormatError("no `times` (t,): name them, or give rate_hz in its mapping", path)
     channels = arrays.get("channels", arrays.get("taxel_ids", np.arange(width)))
     stretches = arrays.get("file_index")
     label = mapping.label_of(path)
