@@ -272,5 +272,7 @@ def _lines(result: LabelResult) -> Iterator[str]:
     yield f"{sum(result.touches.values())} touches marked: {named}"
     if result.stuck:
         yield f"{result.stuck} marks left out: only stuck taxels were pressed"
-    if result.unnamed:
+    if result.unnamed and result.files[0].lower().endswith(".csv"):
+        yield f"{result.unnamed} have no name yet: write one in the column `label`"
+    elif result.unnamed:
         yield f"{result.unnamed} without a name were left out"

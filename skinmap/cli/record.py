@@ -203,6 +203,11 @@ def command(
         files=[str(file) for file in recorder.files],
     )
     present(result, _lines, as_json=as_json)
+    if not named and (marks := getattr(origin, "marks", ())):
+        click.echo(
+            f"note: the {len(marks)} marks of {source} are not copied; `skinmap export` keeps them",
+            err=True,
+        )
     _warn(recorded, output)
 
 

@@ -358,7 +358,7 @@ def test_record_replaces_a_longer_recording_whole_and_nothing_else(tmp_path):
     assert all(one.exists() for one in others)
 
 
-@pytest.mark.parametrize("fall", [503.0, 1.5])
+@pytest.mark.parametrize("fall", [503.0, 1.5, 0.5])
 def test_touch_is_marked_in_the_file_of_its_samples_where_time_falls(tmp_path, info, values, fall):
     """The mark comes once the touch is over: by then a new file may have begun."""
     recorder = Recorder(tmp_path / "t.mcap", info)

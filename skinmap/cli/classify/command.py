@@ -156,9 +156,9 @@ def holds_events(source: str) -> bool:
         return track.kind == "pressure" and len(track.touches) > 0
     from skinmap.io.recordings.touch_files import is_foreign, read_recordings
 
-    if is_foreign(path):
+    if is_foreign(path) or path.suffix.lower() == ".npz":
         return any(one.labels for one in read_recordings(path))
-    return path.suffix.lower() == ".npz"
+    return False
 
 
 def _lines(result: ClassifyResult) -> Iterator[str | Table]:

@@ -18,6 +18,7 @@ from skinmap.io.mcap.reading import Index, read_head
 from skinmap.io.mcap.writing import CHUNK_SECONDS, POINTS_HZ, McapRecording
 from skinmap.io.ros2.messages import TouchMarker
 from skinmap.live.bounded_queue import BoundedQueue, QueueEnded
+from skinmap.live.response.sample_checks import fall_of
 from skinmap.live.sources.source import Block, Kind, StreamInfo
 from skinmap.skin.robot import Robot
 
@@ -25,7 +26,7 @@ MAX_BYTES = 64 * 2**20  # waiting to be written: 5 minutes of a whole iCub at 50
 BEHIND = 0.15  # seconds of samples that may wait where they come faster than
 AHEAD = 0.05  # seconds before their time: all of a pause at once, as a busy machine gives them
 HELD = 60.0  # a file stays open so long [s] after the next one began, for touches that it began
-RESTART = 1.0  # a time that falls by more [s] is a new start: it gets a file of its own
+RESTART = 1.0  # of a step of time that counts, at most [s]
 ROTATE_SECONDS = 3600.0
 ROTATE_BYTES = 2**30
 
@@ -107,6 +108,7 @@ class Recorder:
         self._jobs: BoundedQueue[Callable[[McapRecording], None]] = BoundedQueue(most_bytes)
         self._error: Exception | None = None
         self._newest = float("-inf")
+        self._fall = fall_of(info.rate)  # of time, by which it starts again [s]
         self._first = float("nan")  # time of the first sample in the file that is written
         self._before: tuple[McapRecording, float, float] | None = None  # with its first and last
         self._file = self._open(path)
@@ -272,9 +274,10 @@ class Recorder:
     def _write(self, kind: Kind, block: Block) -> None:
         for now, row in zip(block.times.tolist(), block.values, strict=True):
             if kind == self.info.kind:
-                if now < self._newest - RESTART:
+                anew = now < self._newest - self._fall
+                if anew:
                     self._next_file()
-                self._newest = max(now, self._newest) if now > self._newest - RESTART else now
+                self._newest = now if anew else max(now, self._newest)
                 if self._first != self._first:
                     self._first = now
                 elif self._before is not None and now > self._first + HELD:

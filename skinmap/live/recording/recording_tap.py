@@ -9,7 +9,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skinmap.errors import OutputError, UnknownNameError
-from skinmap.live.recording.recorder import RESTART, Recorder, continued
+from skinmap.live.recording.recorder import Recorder, continued
+from skinmap.live.response.sample_checks import fall_of
 from skinmap.live.sources.open_source import open_source, resolve_robot
 from skinmap.live.sources.source import (
     Block,
@@ -86,7 +87,7 @@ class RecordingTap(Relay):
         if self._end == float("inf"):
             self._quiet = time.monotonic() + self._seconds + GRACE
             self._end = float(block.times[0]) + self._seconds
-        elif block.times[0] < self._last - RESTART:  # the clock began anew
+        elif block.times[0] < self._last - fall_of(self.info.rate):  # the clock began anew
             self._end += float(block.times[0]) - self._last
         self._last = float(block.times[-1])
         if block.times[-1] >= self._end - HAIR:

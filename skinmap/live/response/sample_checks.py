@@ -24,6 +24,11 @@ FORGIVE = 0.9  # a clock that is off by a few percent must not add up to missed 
 logger = logging.getLogger(__name__)
 
 
+def fall_of(rate: float) -> float:
+    """By how much a clock of samples of a rate [Hz] falls where it begins anew [s]."""
+    return max(LATE, ORDER / rate if rate > 0 else 0.0)
+
+
 def check_range(values: NDArray[Any], info: StreamInfo) -> bool:
     """Whether values (k, channels) can be counts; a warning where they are of more than 8 bits."""
     top = float(np.max(values, initial=0.0, where=np.isfinite(values)))
@@ -108,7 +113,7 @@ class SampleChecks:
             self._counts.repeated += 1
             return "drop"
         if step < 0:
-            if self._seekable or -step > max(LATE, ORDER / rate if rate > 0 else 0.0):
+            if self._seekable or -step > fall_of(rate):
                 self._behind = 0.0
                 return "anew"
             self._counts.late += 1
