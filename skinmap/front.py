@@ -184,7 +184,9 @@ def _wrong(
         kinds = {one.__name__ for one in type(value).__mro__} - {"object"}
         wanted = _words(annotation)
         fits = wanted & kinds or (value is None and "None" in wanted)
-        if "float" in wanted and {"int", "integer", "floating"} & kinds:
+        number = {"int", "integer", "float", "floating"} & kinds
+        scalar = "float" in wanted or isinstance(parameters[name].default, float)
+        if number and scalar:
             continue
         plain = {"str", "int", "float", "bool", "dict"} & {type(value).__name__}
         foreign = wanted & OPEN and not (plain or type(value).__module__.startswith("skinmap"))

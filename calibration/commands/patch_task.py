@@ -29,6 +29,7 @@ from calibration.patch.patch_calibration import PatchCalibration
 from calibration.patch.touch import Touch, locate_by_touch
 from calibration.patch.wrap import wrap_layout
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import InvalidArrayError
 from skinmap.io.robots.mesh_file import read_mesh
 from skinmap.io.units import UNITS
 from skinmap.report.present import write_files
@@ -121,11 +122,18 @@ class PatchTask:
             "anchor_sigma": self.sigma, "modules": board.rigid_modules, "channels": board.channels,
             "mirror": self.mirror, "rng": rng,
         }  # fmt: skip
-        if self.touches:
-            anchors = (self.anchors, self.points) if len(self.anchors) else None
-            found = locate_by_touch(board.layout, *self.link, self.touches, anchors=anchors, **how)
-        else:
-            found = wrap_layout(board.layout, *self.link, self.anchors, self.points, **how)
+        try:
+            if self.touches:
+                anchors = (self.anchors, self.points) if len(self.anchors) else None
+                found = locate_by_touch(
+                    board.layout, *self.link, self.touches, anchors=anchors, **how
+                )
+            else:
+                found = wrap_layout(board.layout, *self.link, self.anchors, self.points, **how)
+        except np.linalg.LinAlgError as error:
+            raise InvalidArrayError(
+                f"board, link and measured places have no answer: {error}"
+            ) from error
         return SolvedPatch(self, found, self._result(found, time.process_time() - start))
 
     def _result(self, found: PatchCalibration, seconds: float) -> PatchResult:

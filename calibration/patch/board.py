@@ -13,7 +13,7 @@ from scipy.spatial import Delaunay
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.geometry.proximity import median_spacing
 
-REACH = 15e-3  # distances on the board that the sheet keeps [m]
+REACH, PITCHES = 15e-3, 1.8  # distances on the board that the sheet keeps: in m, or in pitches
 ACROSS = 1.5  # times the gap between two pieces of a board: the distances that hold them together
 GAP = 2.5  # pitches: what is wider apart is no triangle of the sheet
 STRAIN = 0.01  # standard deviation of a length on the body against the board
@@ -89,7 +89,7 @@ class Board:
 def make_board(layout: FloatArray, modules: IntArray | None = None) -> Board:
     """The sheet model of a layout (n, 2) [m], with the module (n,) of each taxel where known."""
     distance = np.linalg.norm(layout[:, None] - layout[None], axis=2)
-    pairs = _held_pairs(distance)
+    pairs = _held_pairs(distance, max(REACH, PITCHES * median_spacing(layout)))
     lengths = distance[pairs[:, 0], pairs[:, 1]]
     # Strains of neighbouring pairs go together, so all pairs speak no louder than the edges of
     # a triangulation would: three a taxel.
@@ -182,11 +182,11 @@ def _fields_of_strain(layout: FloatArray, pairs: IntArray) -> FloatArray:
     return np.concatenate([np.ones((len(pairs), 1)), *parts], axis=1)
 
 
-def _held_pairs(distance: FloatArray) -> IntArray:
+def _held_pairs(distance: FloatArray, reach: float) -> IntArray:
     """Pairs (p, 2) whose lengths hold: near ones, and those across the gaps between pieces."""
-    held = distance <= REACH
+    held = distance <= reach
     tree = minimum_spanning_tree(distance).tocoo()
-    _, piece = connected_components(distance <= REACH / ACROSS, directed=False)
+    _, piece = connected_components(distance <= reach / ACROSS, directed=False)
     for i, j, gap in zip(tree.row, tree.col, tree.data, strict=True):
         if piece[i] != piece[j]:
             between = (piece == piece[i])[:, None] & (piece == piece[j])

@@ -209,8 +209,9 @@ def _mirrored(problem: Problem) -> Cause | None:
         return Cause(trial.cost, "the board fits as it is drawn: leave --mirror (mirror=True) out")
     return Cause(
         trial.cost,
-        "the board is drawn from the other side: its mirror image fits; "
-        "use --mirror (mirror=True), or draw it as seen from outside",
+        "the board is drawn from the other side: its mirror image fits; use --mirror "
+        "(mirror=True), or draw it as seen from outside. Where the mesh is open and its faces "
+        "point inward, turn them instead",
     )
 
 

@@ -202,6 +202,7 @@ def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
     return np.column_stack([1.0 - v - w, v, w])
 
 
+SHUT = 0.05  # of its area a mesh may lack and still hold a volume
 NAMED = 5  # faces that are named
 
 
@@ -223,7 +224,10 @@ def mesh_notes(vertices: FloatArray, faces: IntArray) -> tuple[str, ...]:
                 f"the mesh is {kind} at {int(wrong.sum())} edges of {_named(rows)}: wrapped first"
             )
     a, b, c = (vertices[faces[:, k]] - vertices.mean(axis=0) for k in range(3))
-    if np.einsum("fd,fd->", a, np.cross(b, c)) < 0.0:
+    across = np.cross(b - a, c - a)
+    # Of what is closed but for holes; a sheet holds no volume.
+    closed = np.linalg.norm(across.sum(axis=0)) < SHUT * np.linalg.norm(across, axis=1).sum()
+    if closed and np.einsum("fd,fd->", a, np.cross(b, c)) < 0.0:
         notes.append(f"the mesh is inside out, all in all ({len(faces)} faces): wrapped first")
     return tuple(notes)
 

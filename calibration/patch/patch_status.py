@@ -279,8 +279,11 @@ def _off_scale(scale: float) -> Iterator[Finding]:
 def _unobservable(
     positions: FloatArray, covariance: FloatArray, spacing: float
 ) -> Iterator[Finding]:
-    sd = np.sqrt(np.einsum("nii->n", covariance))
-    if np.median(sd) > spacing / 2:
+    with np.errstate(invalid="ignore"):  # of what is no covariance
+        sd = np.sqrt(np.einsum("nii->n", covariance))
+    if not np.isfinite(sd).all() or not (sd > 0.0).all():
+        yield Doubt.WIDE, "where the taxels are is not determined: nothing holds the patch together"
+    elif np.median(sd) > spacing / 2:
         yield (
             Doubt.WIDE,
             f"taxels are known to {1e3 * np.median(sd):.1f} mm only, half a pitch is "

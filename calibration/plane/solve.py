@@ -330,7 +330,7 @@ def judge(
     judged: list[tuple[Status, str]] = []
     left = [row for row in odd if row not in dropped]
     if left:
-        advice = "leave them out (--drop-inconsistent) or press again"
+        advice = "leave them out of the file or press again"
         if len(left) > MANY_ODD * contacts:
             advice = "too many to identify the right ones: poses and taxels may not belong together"
         words = (

@@ -30,3 +30,22 @@ def test_open_doubled_and_turned_meshes_are_named():
     assert "12" in notes[1]
     (turned,) = mesh_notes(vertices, faces[:, ::-1])
     assert "inside out" in turned
+
+
+def test_an_open_sheet_has_no_inside():
+    """A saddle is open all round: its faces may point either way."""
+    x, y = np.meshgrid(np.linspace(-0.1, 0.1, 12), np.linspace(-0.1, 0.1, 12))
+    vertices = np.column_stack([x.ravel(), y.ravel(), (4 * x * y).ravel()])
+    corner = np.arange(11 * 12).reshape(11, 12)[:, :-1].ravel()
+    faces = np.vstack([np.column_stack([corner, corner + 1, corner + 12]),
+                       np.column_stack([corner + 1, corner + 13, corner + 12])])  # fmt: skip
+    for turned in (faces, faces[:, ::-1]):
+        (note,) = mesh_notes(vertices, turned)
+        assert "open at 44 edges" in note
+    vertices, faces = box()
+    assert "inside out" in mesh_notes(*_holed(vertices, faces[:, ::-1]))[-1]
+
+
+def _holed(vertices, faces):
+    fine = trimesh.Trimesh(vertices, faces, process=False).subdivide().subdivide()
+    return np.asarray(fine.vertices), np.asarray(fine.faces, np.int64)[1:]

@@ -14,6 +14,7 @@ from calibration.patch.patch_calibration import Doubt
 from calibration.patch.patch_status import Names, _ambiguous, best_next
 from calibration.patch.sheet_model import State
 from skinmap.errors import InvalidArrayError, InvalidMeshError, SkinError
+from tests.calibration.conftest import bend
 
 TIGHT = 0.1e-3  # anchors as good as a measuring arm's [m]
 
@@ -46,6 +47,33 @@ def test_wrap_rolls_a_board_round_a_cylinder(bent, rng):
     assert np.degrees(np.arccos(np.clip(cosine, -1, 1))).max() < 4.0
     assert abs(found.scale - 1.0) < 3e-3
     assert found.coverage > 0.9
+
+
+@pytest.mark.parametrize("pitch", [0.012, 0.016, 0.025])
+@pytest.mark.parametrize("rows", ["square", "triangular"])
+def test_wrap_holds_boards_of_wide_pitch_together(pitch, rows, rng):
+    """Taxels 12 to 25 mm apart, squares too, which need their diagonals to be rigid."""
+    import trimesh
+
+    row, column = np.divmod(np.arange(9 * 8), 8)
+    layout = pitch * np.column_stack([column.astype(float), row])
+    if rows == "triangular":
+        layout = pitch * np.column_stack([column + 0.5 * (row % 2), row * np.sqrt(3) / 2])
+    layout -= layout.mean(axis=0)
+    radius, corners = 4 * pitch, np.array([0, 7, 64, 71, 35, 39])
+    places, _ = bend(layout, radius)
+    mesh = trimesh.creation.cylinder(radius=radius - 0.3e-3, height=12 * pitch, sections=96)
+    points = places[corners] + rng.normal(0.0, 1e-3, (6, 3))
+    found = wrap_layout(
+        layout, np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64),
+        corners, points, anchor_sigma=1e-3, rng=np.random.default_rng(5),
+    )  # fmt: skip
+    assert found.status is Status.OK
+    away = found.positions - places
+    assert np.median(np.linalg.norm(away, axis=1)) < 2.5e-3
+    sd = np.sqrt(np.einsum("nii->ni", found.covariance))
+    assert (sd > 0.0).all()
+    assert np.mean(np.abs(away) < 1.96 * sd) > 0.8
 
 
 def test_wrap_finds_the_scale_of_the_layout(bent, rng):
