@@ -21,7 +21,8 @@ from skinmap.errors import InvalidArrayError
 SURE = 0.99  # a fault that is so probable is named
 ILL, LIKELY = 0.1, 0.5  # at the end: healthy less probable, and one fault more than all others
 CLEAR = 0.95  # a skin without one that is so probable is healthy
-MAX_OF_A_POKE = 18  # channels that answer a fingertip: those of the simulator light 14 at most
+# Channels that answer a fingertip, at the iCub's pitch: those of the simulator light 14 at most.
+MAX_OF_A_POKE, USUAL = 18, 6.8e-3
 BACKING = 2.0  # evidence beside the touch that speaks loudest for a fault, to name it [nats]
 INSIDE = {"turned_module", "mirrored_module"}  # a poke that misses its module looks like neither
 UNPLACED = 0.5  # weight of a touch of unknown place, beside one where it was asked for
@@ -205,6 +206,7 @@ class Doctor:
         self._choosers: dict[str, Chooser] = {}
         self._heard: list[FloatArray] = []
         self._fits: list[bool] = []
+        self.broad = 0  # pokes that more channels answered than a fingertip presses
         self._said: list[FloatArray] = []
         self._before = self._log.copy()
 
@@ -232,8 +234,10 @@ class Doctor:
             weight = 1.0 / (1.0 + before)  # the same taxels answer again: no new evidence
             self._heard.append(touch.middle)
         found, fits = self._witness.hear(touch)
-        if touch.how == "poke" and int((touch.response > THRESHOLD).sum()) > MAX_OF_A_POKE:
+        most = MAX_OF_A_POKE * max(1.0, USUAL / self.boards.pitch) ** 2
+        if touch.how == "poke" and int((touch.response > THRESHOLD).sum()) > most:
             found, fits = np.zeros_like(found), False  # whatever that was, it was no poke
+            self.broad += 1
         self._fits.append(fits)
         if touch.path is None:
             # Without its place a touch shows where channels hang together, and nothing else.

@@ -18,12 +18,14 @@ if TYPE_CHECKING:
     from calibration.wiring.history import Change
     from skinmap.arrays import IntArray
 
-TRIED = 3  # touches in which a taxel should have answered before it counts as silent
-SURELY = 60.0  # counts that its neighbours answered with
-SAME_SURE = 0.95  # confidence in a taxel that stayed silent in that many touches
+AROUND = 1.5  # pitches: the neighbours of a taxel, diagonal ones of a square too
+FEWEST = 2  # of them lie further from a touch: a corner has no more
+SAME_SURE = 0.95  # confidence in a taxel that stays silent
+ODDS = 9.9  # of silence against a taxel that feels, where one in 1,000 is silent [nats]
 LEAST = 0.01  # alternatives less probable are not listed
 ORDER = ("inconsistent", "faulty", "undecided", "healthy")  # worst first
 MAX_NAMED = 8  # channels in a line
+BROAD = "pokes press more channels at once than a fingertip does: press with one finger, or stroke"
 WORDS = {
     "healthy": "nothing is wrong",
     "faulty": "faults were found",
@@ -81,6 +83,7 @@ class PartRow:
     healthy: float = column("Probability that nothing else is wrong with its wiring.")
     touches: int = column("Number of judged touches.")
     misfits: int = column("Touches not felt where they were asked for.")
+    broad: int = column("Pokes that more channels answered than a fingertip presses.", default=0)
     places_known: bool = column("Whether it is known where touches were asked for.")
     rest_samples: int = column("Samples at rest that were judged.")
     rest_tells: bool = column("Whether there was noise enough at rest to judge channels by it.")
@@ -214,6 +217,7 @@ def _part_row(case: Case, faults: Sequence[FaultRow]) -> PartRow:
         healthy=doctor.healthy,
         touches=len(doctor.touches),
         misfits=doctor.misfits,
+        broad=doctor.broad,
         places_known=case.places_known,
         rest_samples=0 if rest is None else rest.samples,
         rest_tells=rest is not None and rest.tells,
@@ -241,26 +245,41 @@ def _fault_row(
 
 
 def _silent(case: Case) -> IntArray:
-    """Rows that stayed silent in every touch that their neighbours all felt."""
-    import numpy as np
+    """Rows that never answered, though touches at them were felt by those around them.
 
-    from calibration.wiring.answer_model import THRESHOLD
+    A taxel should answer as much as its neighbours that lie further from the touch. Each touch
+    says so much for silence as it is improbable of a taxel that feels.
+    """
+    import numpy as np
+    from scipy.special import ndtr
+
+    from calibration.wiring.answer_model import DEAD, SPREAD, THRESHOLD
 
     places = case.doctor.wiring.places(case.boards)
-    tried = np.zeros(len(places), np.int64)
-    answered = np.zeros(len(places), bool)
-    near = np.linalg.norm(places[:, None] - places[None], axis=2) < 1.3 * case.boards.pitch
+    near = np.linalg.norm(places[:, None] - places[None], axis=2) < AROUND * case.boards.pitch
     np.fill_diagonal(near, False)
+    answered = np.zeros(len(places), bool)
+    doubt = np.zeros(len(places))
     for touch in case.doctor.touches:
-        strong = touch.response > SURELY
         answered |= touch.response > THRESHOLD
-        tried += (near & strong[None]).sum(axis=1) >= 3
-    return np.flatnonzero((tried >= TRIED) & ~answered)
+        if not (touch.response > THRESHOLD).any():
+            continue
+        away = touch.away(places)
+        further = near & (away[None] >= away[:, None])
+        count = further.sum(axis=1)
+        expected = further @ touch.response / np.maximum(count, 1)
+        rows = np.flatnonzero((count >= FEWEST) & (expected > 2.0 * THRESHOLD))
+        silent = DEAD + (1.0 - DEAD) * ndtr(np.log(THRESHOLD / expected[rows]) / SPREAD)
+        doubt[rows] -= np.log(silent)
+    return np.flatnonzero((doubt > ODDS) & ~answered)
 
 
 def lines(result: CheckupResult) -> Iterator[str]:
     """What people read at the end, and on the page."""
-    yield f"{result.status}: {WORDS[result.status]}"
+    words = WORDS[result.status]
+    if result.status == "inconsistent" and any(2 * one.broad > one.misfits for one in result.parts):
+        words = BROAD
+    yield f"{result.status}: {words}"
     for fault in result.faults:
         yield f"  {fault.words} ({100 * fault.confidence:.1f} %){_where(fault)}"
         for other in fault.alternatives or ():

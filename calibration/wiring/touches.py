@@ -57,6 +57,21 @@ class Touch:
                 raise InvalidArrayError("a touch has a place, a stroke at least two")
             freeze(self, path=path)
 
+    def away(self, places: FloatArray) -> FloatArray:
+        """(n,) how far places (n, 3) are from it [m]; without a path, from what answered most."""
+        if self.path is None:
+            weight = self.response**2
+            return np.linalg.norm(places - weight @ places / weight.sum(), axis=1)
+        if len(self.path) == 1:
+            return np.linalg.norm(places - self.path[0], axis=1)
+        found = np.full(len(places), np.inf)
+        for begin, end in zip(self.path, self.path[1:], strict=False):
+            way = end - begin
+            share = (places - begin) @ way / max(float(way @ way), 1e-18)
+            foot = begin + np.clip(share, 0.0, 1.0)[:, None] * way
+            found = np.minimum(found, np.linalg.norm(places - foot, axis=1))
+        return found
+
     @property
     def middle(self) -> FloatArray | None:
         """(3,) the middle of where it was asked for [m]."""

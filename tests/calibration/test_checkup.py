@@ -14,10 +14,10 @@ from benchmarks.calibration.person import Clumsiness, Patient, Person, parse_fau
 from calibration.wiring import Baseline, Doctor, Fault, Wiring, boards_of, judge_rest, make_touch
 from calibration.wiring.boards import GROUP, compose
 from calibration.wiring.channel_map import corrected
-from calibration.wiring.examination import Case, Plan, examine_live, next_touch
+from calibration.wiring.examination import Case, Examination, Plan, examine_live, next_touch
 from calibration.wiring.faults import KINDS
-from calibration.wiring.findings import findings, lines
-from calibration.wiring.touches import find_touches
+from calibration.wiring.findings import _silent, findings, lines
+from calibration.wiring.touches import Touch, find_touches
 from skinmap.cli.main import cli
 from skinmap.errors import (
     DataFormatError,
@@ -193,6 +193,46 @@ def test_shuffled_places_name_no_fault(boards, base, patient, rng):
 
         doctor = examine(base, person, 12, shuffled=anywhere)
         assert doctor.status == "inconsistent"
+
+
+def pressed(boards, place, dead, *, width=6e-3, force=120.0) -> Touch:
+    """A round press [counts] at a place, on a skin of which one taxel is dead; no simulator's."""
+    away = np.linalg.norm(boards.table.positions - place, axis=1)
+    answer = np.where(np.arange(len(away)) == dead, 0.0, force * np.exp(-0.5 * (away / width) ** 2))
+    return make_touch(answer[None], "poke", place[None])
+
+
+@pytest.mark.parametrize("around", [True, False])
+def test_a_dead_taxel_is_found_wherever_it_lies(boards, base, around):
+    """Inside and at corners, poked three times: with its neighbours, or alone."""
+    places = boards.table.positions
+    near = np.linalg.norm(places[:, None] - places[None], axis=2) < 1.5 * boards.pitch
+    count = near.sum(axis=1)  # itself too
+    fewest = [int(row) for row in np.argsort(count, kind="stable") if count[row] > 2]
+    for dead in (*fewest[:3], *fewest[60::60]):
+        doctor = base.again()
+        for row in 3 * np.flatnonzero(near[dead]).tolist() if around else [dead] * 3:
+            doctor.hear(pressed(boards, places[row], dead))
+        assert _silent(Case(PART, doctor)).tolist() == [dead]
+
+
+def test_taxels_that_no_touch_reached_are_not_called_silent(boards, base):
+    doctor = base.again()
+    for _ in range(8):
+        doctor.hear(pressed(boards, boards.table.positions[40], -1))
+    assert len(_silent(Case(PART, doctor))) == 0
+
+
+def test_pokes_of_a_palm_are_named_as_what_they_are(boards, base):
+    """Places are right, and no finger presses so many channels."""
+    case = Case(PART, base.again())
+    for row in range(0, 60, 4):
+        place = boards.table.positions[row]
+        case.doctor.hear(pressed(boards, place, -1, width=25e-3))
+    assert case.doctor.status == "inconsistent"
+    assert case.doctor.broad == case.doctor.misfits == 15
+    result = findings(Examination("made", "iCub", (case,), 30.0, ()))
+    assert "press with one finger" in next(iter(lines(result)))
 
 
 def test_a_repeated_place_says_less_each_time(boards, base, patient):
