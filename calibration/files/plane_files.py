@@ -201,8 +201,10 @@ def _check_angles(found: PlaneEvidence, robot: Robot) -> None:
             f"the angles look like degrees ({joint} at press {press} is {value:.4g}, its limits "
             f"are {low:.4g} to {high:.4g} rad): multiply them by pi / 180"
         )
+    unit = "m" if joint in robot.body.sliding_joints else "rad"
     raise InvalidArrayError(
-        f"{joint} at press {press} is {value:.4g} rad, its limits are {low:.4g} to {high:.4g} rad"
+        f"{joint} at press {press} is {value:.4g} {unit}, its limits are {low:.4g} to {high:.4g} "
+        f"{unit}"
     )
 
 

@@ -364,10 +364,13 @@ def assumed(problem: PlaneProblem, names: Sequence[str]) -> tuple[str, ...]:
     sigma = f"{np.rad2deg(problem.joint_sigma):.2g} degrees"
     joints = {name: one.chain.joints for name, one in problem.patches.items()}
     ways = {name: [names[int(k)] for k in own] for name, own in joints.items() if len(own)}
+    slides = {names[int(k)] for one in problem.patches.values()
+              for k in one.chain.joints[one.chain.sliding]}  # fmt: skip
     words = [
         f"the zero position of {way[-1]}, the joint just before {name}, is the same as a turn of "
         f"the mount about its axis: prior of {sigma}"
         for name, way in ways.items()
+        if way[-1] not in slides
     ]
     if not problem.tilting:
         deep = "how deep the skin must be pressed before it feels the given plane: prior of 2 mm"
@@ -376,6 +379,7 @@ def assumed(problem: PlaneProblem, names: Sequence[str]) -> tuple[str, ...]:
         f"the zero position of {joint}, the first joint, turns the robot as the unknown plane "
         f"would turn the other way: prior of {sigma}"
         for joint in dict.fromkeys(way[0] for way in ways.values())
+        if joint not in slides
     ]
     high = (
         "the press depth that all contacts share is the same as the height of the unknown "

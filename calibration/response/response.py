@@ -110,7 +110,7 @@ class ResponseCalibration(Summary):
         if unknown:
             raise UnknownNameError("health state", min(unknown), Health)
         if self.sign not in (1, -1):
-            raise InvalidArrayError(f"sign must be 1 or -1, got {self.sign}")
+            raise InvalidArrayError(f"sign must be 1 or -1 for all channels, got {self.sign}")
         if not (np.isfinite(self.rate) and self.rate > 0):
             raise InvalidArrayError(f"rate must be above 0 samples a second, got {self.rate}")
         if self.gain is not None and len(self.gain.counts) != n:
@@ -160,7 +160,7 @@ class ResponseCalibration(Summary):
         ------
         InvalidArrayError
             NaN (names the row), fewer than a second of samples, another number of taxels under
-            load than at rest.
+            load than at rest, samples far beyond 0 to 255, or a sign that most taxels contradict.
         """
         samples = check_finite(rest, "rest", (None, None))
         if len(samples) < FEWEST:
@@ -171,7 +171,14 @@ class ResponseCalibration(Summary):
             raise InvalidArrayError(
                 f"{reference.samples.shape[1]} taxels under load, {samples.shape[1]} at rest"
             )
+        highest = float(max(samples.max(), 0.0 if reference is None else reference.samples.max()))
+        if highest > 2.0 * RANGE[1]:  # noise and a gain reach less beyond the range
+            raise InvalidArrayError(
+                f"samples reach {highest:g}; raw values are {RANGE[0]:g} to {RANGE[1]:g} counts"
+            )
         baseline = np.median(samples, axis=0)
+        if reference is not None:
+            _check_sign(reference, baseline, sign)
         deviation = sign * (samples - baseline)
         noise = 1.4826 * np.median(np.abs(deviation), axis=0)
         # Whole counts: a median deviation of zero hides noise below half a count.
@@ -260,6 +267,20 @@ class ResponseCalibration(Summary):
             "noise": f"{float(np.median(self.noise)):.3g} counts",
             "unit": "counts" if self.gain is None else "load",
         }
+
+
+def _check_sign(reference: ReferenceLoads, baseline: FloatArray, sign: int) -> None:
+    """Refuse a sign where most taxels that are loaded move the other way."""
+    loaded = (reference.loads > 0).any(axis=0)
+    moved = np.where(reference.loads > 0, reference.samples - baseline, 0.0)
+    way, back = (sign * moved).max(axis=0), (-sign * moved).max(axis=0)
+    wrong = loaded & (back > 4.0 * MARGIN) & (back > 4.0 * way)
+    if wrong.sum() > 0.5 * max(int(loaded.sum()), 1):
+        way_of = "falls" if sign > 0 else "rises"
+        raise InvalidArrayError(
+            f"what {int(wrong.sum())} of {int(loaded.sum())} loaded channels send {way_of} under "
+            f"load: `sign` must be {-sign}, one number for all channels"
+        )
 
 
 def _health(

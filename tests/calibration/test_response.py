@@ -308,3 +308,19 @@ def test_a_bit_that_says_encrypted_is_refused_by_name(rng, tmp_path):
     path.write_bytes(whole)
     with pytest.raises(DataFormatError, match="not a response calibration"):
         load_response(path)
+
+
+def test_a_sign_that_the_loads_contradict_is_refused(rng):
+    """A skin that rests high and falls: without its sign all of it would be called dead."""
+    falling = pushes(rng)
+    turned = ReferenceLoads(255.0 - falling.samples, falling.loads)
+    rest = 255.0 - at_rest(rng)
+    with pytest.raises(InvalidArrayError, match="20 of 20 loaded channels send falls under load"):
+        ResponseCalibration.fit(rest, turned)
+    found = ResponseCalibration.fit(rest, turned, sign=-1)
+    assert (found.health == Health.OK).all()
+
+
+def test_values_of_twelve_bits_are_no_counts(rng):
+    with pytest.raises(InvalidArrayError, match="raw values are 0 to 255 counts"):
+        ResponseCalibration.fit(16.0 * at_rest(rng, base=100.0))
