@@ -446,3 +446,13 @@ def test_values_of_more_than_eight_bits_are_warned_of_once(info, values):
     assert len(told) == 1
     noisy = Block(np.arange(5) / 50, values[:5].astype(np.float32) - 20.0, 0.0)
     list(SampleChecks(info, Counts(), seekable=False).look(noisy))  # a warning is an error here
+
+
+def test_times_below_zero_are_recorded_later(tmp_path, values):
+    source = Planned(Block(-0.9 + np.arange(50) / 50, values[:50], 0.0))
+    with pytest.warns(SkinWarning, match=r"begin at -0.9 s: recorded 1 s later"):
+        _, recorder, given = tapped(tmp_path, source, seconds=1.0)
+    assert recorder.counts.written == 50
+    times = read_track(tmp_path / "t.mcap").times
+    np.testing.assert_allclose(times, 0.1 + np.arange(50) / 50, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(given[0].times, times, rtol=0, atol=1e-9)

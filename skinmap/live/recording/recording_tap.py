@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Mapping
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from skinmap.errors import OutputError, UnknownNameError
+import numpy as np
+
+from skinmap.errors import OutputError, SkinWarning, UnknownNameError
 from skinmap.live.recording.recorder import Recorder, continued
 from skinmap.live.response.sample_checks import fall_of
 from skinmap.live.sources.open_source import open_source, resolve_robot
@@ -65,6 +68,7 @@ class RecordingTap(Relay):
         self._quiet: float | None = (
             None  # when this machine's clock ends a source that falls silent
         )
+        self._later: float | None = None  # than the source says, as files know no time below 0 [s]
         self.unfit = Counts()
         self.kept: list[Block] = []
         self._angles: Mapping[str, float] = {}
@@ -80,6 +84,10 @@ class RecordingTap(Relay):
             if is_live(self.source) and time.monotonic() > self._quiet:
                 self._ended = True
             return None
+        if self._later is None:
+            self._later = self._shift(float(block.times[0]))
+        if self._later:
+            block = Block(block.times + self._later, block.values, block.arrived)
         if (width := block.values.shape[1]) != self.info.channels:
             name = "short" if width < self.info.channels else "long"
             setattr(self.unfit, name, getattr(self.unfit, name) + len(block))
@@ -102,10 +110,25 @@ class RecordingTap(Relay):
             self.kept.append(block)
         return block
 
+    def _shift(self, first: float) -> float:
+        if first >= 0.0:
+            return 0.0
+        later = float(np.ceil(-first))
+        warnings.warn(
+            f"times of {self.info.name!r} begin at {first:g} s: recorded {later:g} s later",
+            SkinWarning,
+            stacklevel=2,
+        )
+        return later
+
+    def angles_at(self, time: float) -> Mapping[str, float]:
+        """Joint angles [rad] of the source at a time of what this gives [s]."""
+        return self.source.angles_at(time - (self._later or 0.0))
+
     def _record_angles(self, block: Block) -> None:
         """Record joint angles where the source has them and they changed."""
         for now in block.times.tolist():
-            angles = self.source.angles_at(now)
+            angles = self.angles_at(now)
             if angles != self._angles:
                 self._angles = angles
                 self.recorder.put_angles(now, angles)
