@@ -186,7 +186,14 @@ class Recorder:
         self._jobs.put(lambda _: self._mark(part, event, label, **how), 0, patience=0.0)
 
     def _mark(
-        self, part: str, event: int, label: str, *, began: float, ended: float | None, **how: Any
+        self,
+        part: str,
+        event: int,
+        label: str,
+        *,
+        began: float,
+        ended: float | None = None,
+        **how: Any,
     ) -> None:
         """Mark a touch in the files that hold its samples, in each from its first one there."""
         last = began if ended is None else ended
