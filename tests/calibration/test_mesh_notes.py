@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
-from calibration.patch.link_surface import mesh_notes
+from calibration.patch.link_surface import mesh_notes, one_way
 
 
 def box():
@@ -49,3 +49,20 @@ def test_an_open_sheet_has_no_inside():
 def _holed(vertices, faces):
     fine = trimesh.Trimesh(vertices, faces, process=False).subdivide().subdivide()
     return np.asarray(fine.vertices), np.asarray(fine.faces, np.int64)[1:]
+
+
+def test_faces_of_a_sheet_that_point_both_ways_are_turned_as_most_of_them():
+    made = trimesh.creation.box((0.1, 0.2, 0.3)).subdivide().subdivide()
+    vertices, faces = np.asarray(made.vertices), np.asarray(made.faces, np.int64)[5:]
+    assert one_way(vertices, faces) is faces
+    mixed = faces.copy()
+    mixed[::3] = mixed[::3, ::-1]
+    normals = np.cross(*(vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2)))
+    for given, want in ((mixed, normals), (mixed[:, ::-1], -normals)):
+        found = one_way(vertices, given)
+        own = np.cross(*(vertices[found[:, k]] - vertices[found[:, 0]] for k in (1, 2)))
+        assert (np.einsum("fd,fd->f", own, want) > 0.0).all()
+    soup = vertices[mixed].reshape(-1, 3)
+    found = one_way(soup, np.arange(len(soup)).reshape(-1, 3))
+    own = np.cross(*(soup[found[:, k]] - soup[found[:, 0]] for k in (1, 2)))
+    assert (np.einsum("fd,fd->f", own, normals) > 0.0).all()
