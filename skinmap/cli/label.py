@@ -15,6 +15,7 @@ from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
+    from skinmap.arrays import FloatArray
     from skinmap.io.recordings.marks import Marks
     from skinmap.io.recordings.recorded_stream import RecordedStream
     from skinmap.skin.robot import Robot
@@ -101,7 +102,7 @@ def command(
     track = open_track(recording, robot=loaded)
     before = _felt(Marks(track.touches), recording, loaded)
     finding = find or not len(before)
-    marks = _found(recording, loaded) if finding else before
+    marks = _found(recording, loaded, track.times) if finding else before
     found = len(marks) if finding else 0
     if table is not None:
         marks = read_marks(table, marks, track.times, track.parts)
@@ -167,8 +168,8 @@ def _felt(marks: Marks, path: Path, robot: Robot) -> Marks:
     return Marks(tuple(one for one in marks.touches if (one.part, one.event) not in stuck))
 
 
-def _found(recording: Path, robot: Robot) -> Marks:
-    """The touches of a recording, as `classify` tells them apart."""
+def _found(recording: Path, robot: Robot, times: FloatArray) -> Marks:
+    """The touches of a recording of times (t,), as `classify` tells them apart."""
     import numpy as np
 
     from skinmap.io.recordings.marks import Marks
@@ -179,11 +180,9 @@ def _found(recording: Path, robot: Robot) -> Marks:
     from skinmap.touch.touch_labels import UNNAMED
 
     source = open_recording(recording, robot=robot, speed=float("inf"))
-    times: list[float] = []
     loop = TouchLoop(robot, source, classifier=GivenName(FOUND), singly=True)
     over = []
-    for moment in loop:
-        times.append(moment.time)
+    for _ in loop:
         over += loop.finished()
     loop.finish()
     over += loop.finished()

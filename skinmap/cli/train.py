@@ -263,14 +263,14 @@ def work(
         knobs["radius_mm"] = 1e3 * auto_radius(places, near=usual_radius(places))
     rng = np.random.default_rng(seed)
     train, same, other = _split(found, parts, rng)
+    few = is_few(train, same)
+    if few:
+        train, same = train + same, []
     names = sorted({touch.label for touch in train})
     if grouped is not None:
         check_groups(grouped, names)
     motions = check_motions(said, names)
     extra = _simulated(found, train, with_simulated or 0, rng)
-    few = is_few(train + same)
-    if few:
-        train, same = train + same, []
     with staged_file(output) as stage:
         model = untrained()
         model.fit(train + extra, rng=rng, sets=classifier in WITH_SETS)

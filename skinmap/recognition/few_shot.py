@@ -16,10 +16,15 @@ FOLDS = 5
 LEAST = 2  # touches of a label that a model of a fold may learn from
 
 
-def is_few(touches: Sequence[Touch]) -> bool:
-    """Whether a third held out would leave some label with too few touches to learn from."""
-    least = min(Counter(touch.label for touch in touches).values(), default=0)
-    return least * (1.0 - HELD_OUT) < CALIBRATION_FOLDS + 1
+def is_few(train: Sequence[Touch], held: Sequence[Touch] = ()) -> bool:
+    """Whether what is held out leaves some label with too few touches to learn from.
+
+    By its share, and by the touches that chance has left.
+    """
+    left = Counter(touch.label for touch in train)
+    every = left + Counter(touch.label for touch in held)
+    shares = [min(left[label], count * (1.0 - HELD_OUT)) for label, count in every.items()]
+    return min(shares, default=0) < CALIBRATION_FOLDS + 1
 
 
 def score_in_turn(

@@ -209,3 +209,40 @@ def test_merge_refuses_a_recording_that_is_given_twice(marked, tmp_path):
 def test_classify_says_that_the_model_comes_first():
     said = refuse("classify", "t.npz", "m.skinmodel")
     assert "the model comes first: m.skinmodel t.npz" in said
+
+
+def stamped(path, times, *, part="left_hand", rate=50.0):
+    """A plain NPZ with three presses of a second at 2, 4 and 6 s of the samples' own clock."""
+    skin = skinmap.load_robot("kaspar").skin(part)
+    own = np.arange(round(8 * rate)) / rate
+    away = np.linalg.norm(skin.positions - skin.positions[20], axis=1)
+    press = np.exp(-0.5 * (away / 8e-3) ** 2)
+    height = sum(150.0 * ((own >= t) & (own < t + 1.0)) for t in (2.0, 4.0, 6.0))
+    values = np.rint(height[:, None] * press).astype(np.uint8)
+    np.savez(path, values=values, times=times(own), channels=skin.channels)
+    path.with_suffix(".toml").write_text(f'robot = "kaspar"\npart = "{part}"\n')
+    return own
+
+
+@pytest.mark.parametrize("step", [0.04, 0.1])
+def test_touches_are_found_where_samples_share_a_time(tmp_path, step):
+    """Times rounded by the writer: what the loop leaves out must not shift the rows of a mark."""
+    path, out = tmp_path / "coarse.npz", tmp_path / "t.csv"
+    stamped(path, lambda own: np.floor(own / step + 1e-9) * step)
+    run("label", path, "-o", out)
+    rows = [line.split(",") for line in out.read_text().splitlines()[1:]]
+    began = [float(row[2]) for row in rows]
+    np.testing.assert_allclose(began, [2.0, 4.0, 6.0], rtol=0, atol=0.1)
+    np.testing.assert_allclose([float(row[3]) for row in rows], [3.0, 5.0, 7.0], rtol=0, atol=0.11)
+
+
+def test_a_table_of_touches_at_two_kilohertz_is_read_back(tmp_path):
+    """Neighbouring samples lie half a millisecond apart: times need more digits."""
+    path, table, out = tmp_path / "fast.npz", tmp_path / "t.csv", tmp_path / "o.npz"
+    own = stamped(path, lambda own: own, rate=2000.0)
+    run("label", path, "-o", table)
+    rows = [line.split(",") for line in table.read_text().splitlines()[1:]]
+    run("label", path, table, "--name", "poke", "-o", out)
+    (after,) = skinmap.load_recordings(out)
+    held = [np.flatnonzero(after.events == k)[[0, -1]] for k in range(3)]
+    np.testing.assert_allclose(own[held], [[float(one) for one in row[2:4]] for row in rows])

@@ -241,3 +241,21 @@ def test_few_touches_a_class_name_those_of_other_people(prepared):
     assert twenty >= 0.8  # 0.91
     mixed = [of_people_left_out(touches, 5, seed=seed, mixed=True) for seed in (0, 1)]
     assert np.mean(mixed) <= 0.45  # chance is 0.25
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_what_chance_holds_out_leaves_enough_of_each_label(seed):
+    """Nine touches of a label: a third held out at random may leave four."""
+    from types import SimpleNamespace
+
+    from skinmap.recognition.few_shot import CALIBRATION_FOLDS, is_few
+
+    rng = np.random.default_rng(seed)
+    touches = [SimpleNamespace(label=label) for label in "ab" for _ in range(9)]
+    held = rng.permutation(18) < 0.3 * 18
+    train = [one for one, out in zip(touches, held, strict=True) if not out]
+    same = [one for one, out in zip(touches, held, strict=True) if out]
+    least = min(sum(one.label == label for one in train) for label in "ab")
+    assert is_few(train, same) == (least < CALIBRATION_FOLDS + 1)
+    assert is_few(touches[:8] + touches[9:17])
+    assert not is_few(touches)

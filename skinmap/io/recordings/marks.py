@@ -24,7 +24,7 @@ KEYS = (
     "enter next, b back, g N go to touch N, n NAME name, s split (s SECONDS after its beginning), "
     "j join with the next of its part, d delete, u undo"
 )
-HAIR = 5e-4  # [s]; times in a CSV are written to the millisecond
+HAIR = 5e-4  # [s], or a quarter of a sample: people write times to the millisecond
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +178,7 @@ def marks_csv(marks: Marks, times: FloatArray) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
     for one in marks.touches:
-        began, ended = (f"{times[row]:.3f}" for row in (one.first, one.last))
+        began, ended = (f"{times[row]:.6f}".removesuffix("000") for row in (one.first, one.last))
         writer.writerow([one.part, one.event, began, ended, one.label, one.session, one.person])
     return text.getvalue()
 
@@ -222,6 +222,8 @@ def _checked(
         raise DataFormatError(f"not a table of touches: columns {', '.join(COLUMNS)}", path, 1)
     known = {(one.part, one.event): one for one in before.touches}
     free = 1 + max((one.event for one in before.touches), default=-1)
+    steps = np.diff(times)
+    hair = min(HAIR, 0.25 * float(np.median(steps[steps > 0]))) if (steps > 0).any() else HAIR
     taken: set[tuple[str, int]] = set()
     spans: dict[str, list[tuple[int, int]]] = {}  # of each part, in the order of time
     for line, row in enumerate(rows, 2):
@@ -230,7 +232,7 @@ def _checked(
         if len(row) != len(names):
             raise DataFormatError(f"{len(row)} cells for {len(names)} columns", path, line)
         cells = dict(zip(names, (cell.strip() for cell in row), strict=True))
-        one = _marked(cells, times, parts, path, line)
+        one = _marked(cells, times, hair, parts, path, line)
         number = cells.get("event", "")
         if len(number) > MAX_DIGITS:
             raise DataFormatError(f"no touch has the number {number[:20]}...", path, line)
@@ -262,11 +264,16 @@ def _checked(
 
 
 def _marked(
-    cells: dict[str, str], times: FloatArray, parts: Sequence[str], path: Path, line: int
+    cells: dict[str, str],
+    times: FloatArray,
+    hair: float,
+    parts: Sequence[str],
+    path: Path,
+    line: int,
 ) -> MarkedTouch:
     began, ended = parse_floats([cells["began_s"], cells["ended_s"]], path, line)
-    first = int(np.searchsorted(times, began - HAIR))
-    last = int(np.searchsorted(times, ended + HAIR, side="right")) - 1
+    first = int(np.searchsorted(times, began - hair))
+    last = int(np.searchsorted(times, ended + hair, side="right")) - 1
     if cells["part"] not in parts:
         raise DataFormatError(
             f"no part {cells['part']!r}; the parts are: {', '.join(parts)}", path, line

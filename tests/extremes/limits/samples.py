@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import tempfile
 import time
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -41,10 +42,17 @@ def gap(missing: int) -> float:
 
 
 def mended(value: str) -> float:
-    """Samples whose values are not in the range of counts after they were looked at."""
+    """Samples whose values are not in the range of counts after they were looked at.
+
+    What lies far beyond it is warned of, and nothing else.
+    """
     values = np.full((6, 8), 50.0)
     values[2:4, 3] = float(value)
-    return float(6 - passed(np.arange(6) / 50.0, values)[1])
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        good = passed(np.arange(6) / 50.0, values)[1]
+    far = 510.0 < float(value) < float("inf")
+    return float(6 - good) + float(far != (len(told) == 1))
 
 
 def narrow() -> str:
