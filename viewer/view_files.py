@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -10,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from skinmap.errors import SkinWarning
 from skinmap.geometry.rigid import transform_directions
 from skinmap.live.moment import Moment
 from skinmap.live.sources.source import Seekable, SourceEnded
@@ -25,6 +27,7 @@ from viewer.view_options import Look, Session, new_scene
 
 STILL_SIZE = (1600, 1100)
 MOVIE_SIZE = (1024, 768)
+NEAR = 0.1  # a moment so near a time is of it [s]
 RISE = 12.0  # of the views that a moment is judged from [deg]
 # Of the simulator, which has no end: a picture sees some four touches of a part begin and grow.
 MOVIE_SECONDS, STILL_SECONDS = 7.0, 5.0
@@ -88,7 +91,7 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
         files.append(write_movie(wanted.movie, movie_frames(scene, moments), MOVIE_FPS))
         scene.close()
     elif wanted.at is not None:
-        best.moment = next(moments, None)
+        best.moment = _at(session, moments, wanted.at)
     else:
         for _ in moments:
             pass
@@ -102,11 +105,22 @@ def still_moment(session: Session, look: Look, at: float | None) -> Moment | Non
     start, seconds = fullest(session) if at is None else (at, None)
     moments = session.moments(seconds, start=start)
     if at is not None:
-        return next(moments, None)
+        return _at(session, moments, at)
     best = Best(session, look)
     for _ in best.watch(moments):
         pass
     return best.moment
+
+
+def _at(session: Session, moments: Iterator[Moment], at: float) -> Moment | None:
+    """The first of the moments, with a warning where a gap lies between it and its time [s]."""
+    moment = next(moments, None)
+    if moment is not None and session.repeats:
+        passed = moment.time - session.origin
+        if abs(passed - at) > NEAR:
+            text = f"no sample at {at:g} s: the one at {passed:.2f} s is shown"
+            warnings.warn(text, SkinWarning, stacklevel=2)
+    return moment
 
 
 def shown_files(session: Session, moment: Moment | None, files: list[Path]) -> ViewFiles:

@@ -261,6 +261,7 @@ class Session:
             self.learn_rest(loop)
         try:
             before = _led(source, start)
+            start = min(start, _last(source))  # which lasts as long as a sample does
             heard = _heard(loop, end)
             if recording and start > 0.0 and (first := next(heard, None)) is not None:
                 self.origin = first.time - before if math.isnan(self.origin) else self.origin
@@ -290,12 +291,17 @@ def _led(source: Source, start: float) -> float:
     """
     if not isinstance(source, Seekable):
         return 0.0
-    if start >= source.duration > 0.0:
+    if start >= source.duration and start > 0.0:
         raise InvalidArrayError(
-            f"--at {start:g}: {source.info.name!r} lasts {source.duration:.2f} seconds"
+            f"no moment at {start:g} s: {source.info.name!r} lasts {source.duration:.2f} seconds"
         )
     source.seek(max(start - LEAD, 0.0))
     return source.position
+
+
+def _last(source: Source) -> float:
+    """Seconds from the beginning of a recording to its last sample; endless of anything else."""
+    return source.last if isinstance(source, Playback) else math.inf
 
 
 def _heard(loop: TouchLoop, seconds: float) -> Iterator[Moment]:

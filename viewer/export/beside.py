@@ -22,7 +22,7 @@ from viewer.layers import Layer
 from viewer.pair import LEFT, ORDER, RIGHT, common_parts, moved_touch, paired_touches
 from viewer.results import Beside, ChangedTouch, Difference
 from viewer.scene import Scene
-from viewer.view_files import shown_touches, still_moment
+from viewer.view_files import NEAR, shown_touches, still_moment
 from viewer.view_options import Look, Session, look_beside, new_scene
 
 if TYPE_CHECKING:
@@ -93,6 +93,7 @@ def write_beside(
         if common and left.panel is not None and left.panel.part in common:
             right.show_flat_map(left.panel.part)
         pictures.append(right.canvas.draw(right, 360.0, samples=8))
+        note = "" if then is not None else _apart_in_time(session, other, first, second)
         names = f"{left.robot.name} and {right.robot.name}"
         found, lines = None, [f"no difference: {names} have no skin in common"]
         if common:
@@ -102,7 +103,7 @@ def write_beside(
             shown = [one for one in starmap(moved_touch, pairs) if one.part in common]
             moved = second and dataclasses.replace(second, touches=tuple(shown))
             pictures.append(_difference_picture(session, look, values, left, moved))
-            lines = _lines(found, left.layer)
+            lines = ([note, ""] if note else []) + _lines(found, left.layer)
         _compose(path, pictures, lines)
     finally:
         for scene in scenes:
@@ -113,7 +114,7 @@ def write_beside(
         time=None if second is None else second.time - other.origin,
         touches=shown_touches(second),
         difference=found,
-        note="" if common else lines[0],
+        note=note if common else lines[0],
     )
 
 
@@ -136,6 +137,20 @@ def _same_time(
     if at is not None or moment is None or not other.repeats:
         return at
     return moment.time - session.origin
+
+
+def _apart_in_time(
+    session: Session, other: Session, first: Moment | None, second: Moment | None
+) -> str:
+    """That the two show different times, in words; empty where they do not."""
+    if second is None:
+        return "" if first is None else f"{RIGHT}: no sample"
+    if first is None or not (session.repeats and other.repeats):
+        return ""
+    times = first.time - session.origin, second.time - other.origin
+    if abs(times[1] - times[0]) <= NEAR:
+        return ""
+    return f"{LEFT} at {times[0]:.2f} s, {RIGHT} at {times[1]:.2f} s"
 
 
 def _scene(session: Session, look: Look, moment: Moment | None) -> Scene:

@@ -114,6 +114,11 @@ class Playback(Seekable):
         return self._end - self._start
 
     @property
+    def last(self) -> float:
+        """Seconds from its beginning to its last sample; 0 where it has none."""
+        return float(self._times[-1]) - self._start if len(self._times) else 0.0
+
+    @property
     def began(self) -> float:
         """Time of its beginning, in its clock [s]."""
         return self._start

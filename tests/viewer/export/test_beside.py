@@ -10,8 +10,9 @@ import pytest
 from click.testing import CliRunner
 from PIL import Image
 
+import skinmap
 from skinmap.cli.main import cli
-from skinmap.errors import SkinError
+from skinmap.errors import SkinError, SkinWarning
 from skinmap.live.contacts.named_touch import NamedTouch
 from viewer.export.beside import changed_touch
 from viewer.pair import moved_touch, paired_touches
@@ -85,6 +86,44 @@ def test_another_moment_and_another_model_stand_beside_the_same_recording(opengl
     shown = view(*words, tmp_path / "models.png", "--beside", model)["beside"]
     assert shown["difference"]["taxels"] == 0
     assert all(one["left"] == one["right"] for one in shown["difference"]["touches"])
+
+
+def plain(path: Path, times: np.ndarray) -> Path:
+    """A plain NPZ at rest but for a press that lasts, which its mapping puts on KASPAR's torso."""
+    n = len(skinmap.load_robot("kaspar").skin("torso"))
+    values = np.zeros((len(times), n), np.uint8)
+    values[5:, 100:106] = 120
+    np.savez(path, values=values, times=times)
+    path.with_suffix(".toml").write_text('robot = "kaspar"\npart = "torso"\n')
+    return path
+
+
+def test_a_time_without_a_sample_is_told_of(opengl, tmp_path):
+    """The last sample lasts as long as a sample does; in a gap the next one is shown and named."""
+    times = np.r_[np.arange(50) / 50, 5.0 + np.arange(50) / 50]
+    path = plain(tmp_path / "gap.npz", times)
+    words = (path, "--screenshot", tmp_path / "g.png", "--at")
+    assert view(*words, "5.999")["time"] == pytest.approx(5.98)
+    with pytest.warns(SkinWarning, match=r"no sample at 3 s: the one at 5.00 s is shown"):
+        assert view(*words, "3")["time"] == pytest.approx(5.0)
+    one = plain(tmp_path / "one.npz", np.zeros(1))
+    assert view(one, "--screenshot", tmp_path / "g.png", "--at", "0")["time"] == 0.0
+    done = CliRunner().invoke(cli, ["view", str(one), "--screenshot", "g.png", "--at", "30"])
+    assert "no moment at 30 s: 'one.npz' lasts" in str(done.exception)
+
+
+def test_two_that_show_different_times_are_told_of(opengl, tmp_path):
+    """The right one is shorter than what is shown of the left one."""
+    left = plain(tmp_path / "left.npz", np.arange(300) / 50)
+    right = plain(tmp_path / "right.npz", np.arange(50) / 50)
+    one = plain(tmp_path / "one.npz", np.zeros(1))
+    out = tmp_path / "d.png"
+    apart = view(left, "--beside", right, "--screenshot", out)
+    assert apart["time"] > 1.0 > apart["beside"]["time"]
+    assert apart["beside"]["note"].startswith(f"left at {apart['time']:.2f} s, right at 0.")
+    assert view(left, "--at", "0.5", "--beside", right, "--screenshot", out)["beside"]["note"] == ""
+    alone = view(left, "--beside", one, "--screenshot", out)["beside"]
+    assert alone["note"]
 
 
 def test_the_difference_shows_both_names_and_the_way_between():
