@@ -23,8 +23,8 @@ def is_few(train: Sequence[Touch], held: Sequence[Touch] = ()) -> bool:
     """
     left = Counter(touch.label for touch in train)
     every = left + Counter(touch.label for touch in held)
-    shares = [min(left[label], count * (1.0 - HELD_OUT)) for label, count in every.items()]
-    return min(shares, default=0) < CALIBRATION_FOLDS + 1
+    share = min(every.values(), default=0) * (1.0 - HELD_OUT)
+    return share < CALIBRATION_FOLDS + 1 or min(left[one] for one in every) < CALIBRATION_FOLDS
 
 
 def score_in_turn(

@@ -256,6 +256,6 @@ def test_what_chance_holds_out_leaves_enough_of_each_label(seed):
     train = [one for one, out in zip(touches, held, strict=True) if not out]
     same = [one for one, out in zip(touches, held, strict=True) if out]
     least = min(sum(one.label == label for one in train) for label in "ab")
-    assert is_few(train, same) == (least < CALIBRATION_FOLDS + 1)
+    assert is_few(train, same) == (least < CALIBRATION_FOLDS)
     assert is_few(touches[:8] + touches[9:17])
     assert not is_few(touches)
