@@ -424,7 +424,7 @@ class Layers:
         return replace(layer, missing=missing)
 
     def _difference(self) -> Layer:
-        """What the source at the right presses more than the one at the left."""
+        """Pressures of the source at the right, less those of the one at the left."""
 
         def values(part: str, _: Moment | None) -> FloatArray:
             found = None if self.pair is None else self.pair.values(part)

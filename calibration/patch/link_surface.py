@@ -131,7 +131,7 @@ def one_way(vertices: FloatArray, faces: IntArray) -> IntArray:
 
     Where more than two faces meet at an edge nobody knows, and all stay as they are.
     """
-    _, same = np.unique(vertices, axis=0, return_inverse=True)
+    places, same = np.unique(vertices, axis=0, return_inverse=True)
     corner = same.ravel()[faces]
     way = np.stack([corner, np.roll(corner, -1, axis=1)], axis=2).reshape(-1, 2)
     _, count = np.unique(np.sort(way, axis=1), axis=0, return_counts=True)
@@ -143,17 +143,11 @@ def one_way(vertices: FloatArray, faces: IntArray) -> IntArray:
     turned, piece = igl.bfs_orient(corner)
     area = np.cross(vertices[faces[:, 1]] - vertices[faces[:, 0]],
                     vertices[faces[:, 2]] - vertices[faces[:, 0]])  # fmt: skip
-    a, b, c = (vertices[_first_of(same.ravel())][turned[:, k]] for k in range(3))
+    a, b, c = (places[turned[:, k]] for k in range(3))
     kept = np.sign(np.einsum("fd,fd->f", area, np.cross(b - a, c - a)))
     most = np.bincount(piece, kept * np.linalg.norm(area, axis=1)) >= 0.0
     flips = (kept < 0.0) == most[piece]
     return np.where(flips[:, None], faces[:, ::-1], faces)
-
-
-def _first_of(same: IntArray) -> IntArray:
-    """A vertex for each place."""
-    _, first = np.unique(same, return_index=True)
-    return first
 
 
 def _wrap_of(vertices: FloatArray, faces: IntArray) -> Arrays:

@@ -282,7 +282,10 @@ def _unobservable(
     with np.errstate(invalid="ignore"):  # of what is no covariance
         sd = np.sqrt(np.einsum("nii->n", covariance))
     if not np.isfinite(sd).all() or not (sd > 0.0).all():
-        yield Doubt.WIDE, "where the taxels are is not determined: nothing holds the patch together"
+        yield (
+            Doubt.WIDE,
+            "the places of the taxels are not determined: nothing holds the patch together",
+        )
     elif np.median(sd) > spacing / 2:
         yield (
             Doubt.WIDE,

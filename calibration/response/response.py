@@ -276,10 +276,10 @@ def _check_sign(reference: ReferenceLoads, baseline: FloatArray, sign: int) -> N
     way, back = (sign * moved).max(axis=0), (-sign * moved).max(axis=0)
     wrong = loaded & (back > 4.0 * MARGIN) & (back > 4.0 * way)
     if wrong.sum() > 0.5 * max(int(loaded.sum()), 1):
-        way_of = "falls" if sign > 0 else "rises"
         raise InvalidArrayError(
-            f"what {int(wrong.sum())} of {int(loaded.sum())} loaded channels send {way_of} under "
-            f"load: `sign` must be {-sign}, one number for all channels"
+            f"{int(wrong.sum())} of {int(loaded.sum())} loaded channels "
+            f"{'fall' if sign > 0 else 'rise'} under load: `sign` must be {-sign}, one number for "
+            "all channels"
         )
 
 

@@ -15,6 +15,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, SkinWarning
+from skinmap.io.recordings.mapping import find_mapping
 from skinmap.io.recordings.touch_files import recorded_robot
 from skinmap.live.loop import TouchLoop
 from skinmap.live.response.pressures import Response
@@ -186,7 +187,9 @@ def _places_taxels(path: Path) -> bool:
     """Whether a file is a taxel table, which may lie beside recordings and their mapping."""
     with path.open("rb") as file:
         header = file.readline(1000).decode("utf-8-sig", "replace")
-    return {"x", "y", "z"} <= set(re.findall(r"\w+", header.lower()))
+    mapping, names = find_mapping(path), set(re.findall(r"\w+", header.lower()))
+    # With times it is a recording, of a sensor of three axes.
+    return {"x", "y", "z"} <= names and (mapping is None or mapping.time.lower() not in names)
 
 
 def _readable(paths: Sequence[Path], read: Callable[[Path], Any]) -> tuple[list[Path], list[Any]]:

@@ -315,7 +315,7 @@ def test_a_sign_that_the_loads_contradict_is_refused(rng):
     falling = pushes(rng)
     turned = ReferenceLoads(255.0 - falling.samples, falling.loads)
     rest = 255.0 - at_rest(rng)
-    with pytest.raises(InvalidArrayError, match="20 of 20 loaded channels send falls under load"):
+    with pytest.raises(InvalidArrayError, match="20 of 20 loaded channels fall under load"):
         ResponseCalibration.fit(rest, turned)
     found = ResponseCalibration.fit(rest, turned, sign=-1)
     assert (found.health == Health.OK).all()

@@ -167,7 +167,7 @@ def test_stream_of_text_is_refused(name, lsl):
 
 def test_stream_of_another_skin_is_refused(name, lsl, icub):
     theirs = outlet(lsl, name)
-    with pytest.raises(SkinMismatchError, match=r"has 5 channels; of torso, .* none has so many"):
+    with pytest.raises(SkinMismatchError, match=r"has 5 channels; none of torso, .* has so many"):
         open_source(f"lsl:{name}", robot=icub)
     del theirs
 

@@ -141,4 +141,6 @@ def test_taxel_table_beside_a_mapping_is_no_recording(tmp_path):
     (tmp_path / "taxels.csv").write_text("\ufeffchannel,module,x,y,z,nx,ny,nz\n0,0,0,0,0,0,0,1\n")
     samples = tmp_path / "samples.csv"
     samples.write_text("time," + ",".join(map(str, range(240))) + "\n")
-    assert recordings_of(tmp_path) == [samples]
+    axes = tmp_path / "three_axes.csv"
+    axes.write_text("time,x,y,z\n")
+    assert recordings_of(tmp_path) == [samples, axes]

@@ -79,8 +79,9 @@ class PairedPlayer(Player):
 
     def _halted(self) -> bool:
         """Neither goes on while the other is on its way to another time, or falls behind."""
-        if super()._halted() or self._more > 0 or self._asked is not None:
-            return super()._halted()
+        own = super()._halted()
+        if own or self._more > 0 or self._asked is not None:
+            return own
         if self.mate is None or not (self.seekable and self.mate.seekable):
             return False
         ahead = self._next + self.later - self.mate._next

@@ -178,12 +178,11 @@ class LslSource(Source):
         fitting = [part for part in asked if part not in robot.parts
                    or len(robot.skin(part)) == info.channels]  # fmt: skip
         if len(fitting) != 1:
-            words = (
-                f"{', '.join(fitting)} have so many: give --part" if fitting else "none has so many"
-            )
+            several = f"{', '.join(fitting)} have so many: give --part"
+            none = f"none of {', '.join(asked)} has so many"
             raise SkinMismatchError(
-                f"LSL stream {info.name!r} names no part and has {info.channels} channels; of "
-                f"{', '.join(asked)} {words}"
+                f"LSL stream {info.name!r} names no part and has {info.channels} channels; "
+                f"{several if fitting else none}"
             )
         return replace(info, parts=(fitting[0],))
 

@@ -197,16 +197,16 @@ class Recorder:
     ) -> None:
         """Mark a touch in the files that hold its samples, in each from its first one there."""
         last = began if ended is None else ended
-        here = last <= self._newest
-        if self._before is not None and not (here and began >= self._first):
+        here = self._first <= began and last <= self._newest
+        if self._before is not None and not here:
             file, first, newest = self._before
             if first <= began <= newest:
                 end = None if ended is None else min(ended, newest)
                 file.mark(part, event, label, began=began, ended=end, **how)
-                here &= last >= self._first
-                began = max(began, self._first)
-        if here or self._before is None:
-            self._file.mark(part, event, label, began=began, ended=ended, **how)
+                if not self._first <= last <= self._newest:
+                    return
+                began = self._first
+        self._file.mark(part, event, label, began=began, ended=ended, **how)
 
     def show_touches(self, time: float, touches: Sequence[TouchMarker]) -> None:
         """Queue markers of what touches at a time [s]."""

@@ -36,7 +36,7 @@ def check_range(values: NDArray[Any], info: StreamInfo) -> bool:
         return True
     warnings.warn(
         f"{info.name!r} sends values up to {top:g}: {info.kind} values are 0 to 255 counts, and "
-        "what lies above is cut off. Scale them at the source, or read a recording of them by a "
+        "larger ones are cut off. Scale them at the source, or read a recording of them by a "
         "mapping with full_scale (docs/own_recordings.md)",
         SkinWarning,
         stacklevel=2,
