@@ -148,3 +148,12 @@ def test_what_is_no_recording_is_refused(tmp_path):
     (tmp_path / "t.npz").write_bytes(b"PK")
     with pytest.raises(DataFormatError, match="not a Skinmap recording"):
         load_recordings(tmp_path / "t.npz")
+
+
+@pytest.mark.parametrize("tick", [1.0, 0.1])
+def test_coarse_time_stamps_are_neither_gaps_nor_a_rate_of_zero(tick):
+    from skinmap.io.recordings.recorded_stream import measured_rate
+
+    times = np.floor(np.arange(1000) / 50 / tick + 1e-9) * tick  # as loggers in whole seconds write
+    assert measured_rate(times) == pytest.approx(50, rel=0.06)
+    assert measured_rate(np.zeros(5)) == 0.0

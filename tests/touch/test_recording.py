@@ -3,6 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import skinmap
 from skinmap.errors import DataFormatError, SkinError
 from skinmap.touch.recording import Recording, load_recordings, rows_of, save_recordings
 
@@ -44,3 +45,9 @@ def test_rows_of_each_event_are_found_in_one_pass(rng):
     for event, rows in enumerate(rows_of(events, 7)):
         np.testing.assert_array_equal(rows, np.flatnonzero(events == event))
     assert [len(rows) for rows in rows_of(np.zeros(0, np.int64), 2)] == [0, 0]
+
+
+def test_arrays_of_another_lab_name_the_way_in(tmp_path):
+    np.savez(tmp_path / "x.npz", pressures=np.zeros((10, 5)), times=np.arange(10) / 50)
+    with pytest.raises(DataFormatError, match=r"holds 'pressures', 'times'.*`skinmap export FILE"):
+        skinmap.load_recordings(tmp_path / "x.npz")

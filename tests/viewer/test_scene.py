@@ -30,6 +30,7 @@ def places(scene, part):
 
 def middle_taxel(scene):
     """A taxel of the torso that faces the camera, in the middle of those."""
+    scene.frame()  # places the camera
     at, facing = places(scene, "torso")
     good = np.flatnonzero(facing > 0.9)
     return good[np.argmin(np.linalg.norm(at[good] - np.median(at[good], axis=0), axis=1))]
@@ -142,6 +143,9 @@ def test_the_contact_image_stands_beside_the_flat_map(at_rest, press):
     at_rest.show_flat_map("torso")
     at_rest.update()
     assert not panel._image.GetVisibility()  # nothing is pressed
+    at_rest.set_pressures("torso", np.arange(len(at_rest.layers["torso"].skin)) % 4.0)
+    at_rest.update()
+    assert not panel._image.GetVisibility()  # noise is not stretched to white
     pressures, _ = press("torso", 100)
     at_rest.set_pressures("torso", pressures)
     at_rest.update()

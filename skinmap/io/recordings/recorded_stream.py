@@ -21,6 +21,7 @@ from skinmap.touch.true_motion import TrueMotion
 Kind = Literal["raw", "pressure"]
 BLOCK = 1024  # samples that are read at once
 GAP = 1.5  # median steps between two samples that count as a gap
+COARSE = 0.9  # of steps that move a clock fine enough to tell samples apart
 NS = 1_000_000_000
 
 
@@ -252,16 +253,24 @@ class RecordedStream:
 
     @property
     def gaps(self) -> int:
-        """How often more than one and a half steps passed between two samples."""
-        steps = np.diff(self.times)
-        return int((steps > GAP * np.median(steps)).sum()) if len(steps) else 0
+        """How often more than one and a half steps, or ticks of the clock, passed unseen."""
+        return int((np.diff(self.times) > GAP * max(_step_and_tick(self.times))).sum())
 
 
 def measured_rate(times: FloatArray) -> float:
-    """Samples a second by the median step; 0 where two samples are not there."""
-    steps = np.diff(times)
-    step = float(np.median(steps)) if len(steps) else 0.0
+    """Samples a second by the usual step; 0 where two samples are not there."""
+    step, _ = _step_and_tick(times)
     return 1.0 / step if step > 0 else 0.0
+
+
+def _step_and_tick(times: FloatArray) -> tuple[float, float]:
+    """The usual step between samples [s], and that of a clock too coarse to tell them apart."""
+    steps = np.diff(times)
+    moved = steps[steps > 0]
+    if len(moved) > COARSE * len(steps):
+        return float(np.median(steps)), 0.0
+    tick = float(np.median(moved)) if len(moved) else 0.0
+    return float(steps[steps <= GAP * tick].mean()) if tick else 0.0, tick
 
 
 def whole_counts(values: NDArray[Any]) -> bool:

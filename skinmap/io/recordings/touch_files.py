@@ -38,6 +38,7 @@ from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording
 
 SUFFIXES = (".npz", ".mcap")
+HOW = "`skinmap export FILE -o touches.npz` and a mapping make one of others' files"
 SAVED_CHUNK = 10.0  # [s]; nothing is saved piece by piece, so chunks close by size
 SAME_TIME = 1e-6  # [s]; parts that are recorded together agree within it
 
@@ -89,6 +90,9 @@ def _load_npz(path: Path) -> list[Recording]:
         with open_arrays(path) as arrays:
             if "about" in arrays:
                 return recordings_of(track_of_arrays(arrays, path), path)
+            if "head" not in arrays:
+                held = ", ".join(map(repr, arrays.files[:4])) or "nothing"
+                raise DataFormatError(f"holds {held}: not a Skinmap recording. {HOW}", path)
     except DAMAGED_ARCHIVE as error:
         if isinstance(error, DataFormatError):
             raise

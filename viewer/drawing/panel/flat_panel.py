@@ -12,6 +12,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.live.contacts.named_touch import NamedTouch
+from skinmap.touch.contacts.skin_geometry import ACTIVE
 from skinmap.touch.images.contact_image import ContactImageGeometry, taxel_grid
 from skinmap.touch.images.paper_image import SIZE, paper_images
 from viewer.colours import FAINT, PANEL, RIM, touch_colour
@@ -46,6 +47,7 @@ BORDER_RISE = 2e-3  # of the border above the map, over the discs [m]
 LINE_RISE = 3e-3  # of outlines above the map [m]
 FLAT = np.eye(4)
 IMAGE = 3.8  # height of the contact image in the head [font heights]
+FELT = ACTIVE / 255.0  # shares of the scale below which a part is at rest, and has no contact image
 LETTER = 0.62  # width of a letter of the caption beside it [font heights]
 
 
@@ -157,7 +159,11 @@ class FlatPanel:
     ) -> None:
         """Colour the map as the body: values (n,) of its part and their field (v,)."""
         self.drawing.show(layer, style, field, values)
-        self._show_image(values if layer.name == "pressure" else np.zeros(0))
+        # Noise at rest is not shown: the image is stretched to its largest pressure.
+        pressed = (
+            layer.name == "pressure" and np.nanmax(values, initial=0.0) >= FELT * layer.limits[1]
+        )
+        self._show_image(values if pressed else np.zeros(0))
 
     def _show_image(self, pressures: FloatArray) -> None:
         """The contact image of pressures (n,), in the head of the panel; none where all rest."""

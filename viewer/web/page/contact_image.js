@@ -2,6 +2,7 @@
 // largest pressure in 256 grey levels, interpolated in the flat map's own triangles.
 
 const UNKNOWN = 255; // the byte of a taxel of which nothing is known
+const FELT = 12; // the byte below which a taxel is at rest, as in the window: its noise is not stretched to white
 
 export class ContactImage {
   constructor(canvas, scene) {
@@ -14,8 +15,8 @@ export class ContactImage {
   draw(part, codes) {
     const [first, count] = part.taxels;
     const largest = codes ? codes.subarray(first, first + count).reduce((most, code) => (code !== UNKNOWN && code > most ? code : most), 0) : 0;
-    this.canvas.style.visibility = largest > 0 ? "visible" : "hidden"; // its room stays: nothing jumps
-    if (!largest) return;
+    this.canvas.style.visibility = largest >= FELT ? "visible" : "hidden"; // its room stays: nothing jumps
+    if (largest < FELT) return;
     const [rows, columns] = part.image, [start, size] = part.image_pixels;
     const { "image.pixels": pixels, "image.taxels": taxels, "image.weights": weights } = this.arrays;
     const image = new ImageData(columns, rows), cells = new Uint32Array(image.data.buffer).fill(0xff000000);
