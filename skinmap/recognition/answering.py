@@ -15,7 +15,7 @@ from __future__ import annotations
 import io
 import zipfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -168,12 +168,24 @@ class ThreeAnswers:
         skin = touch.skin.fingerprint
         chance = self.hand_probability(touch, row)
         hand = hand_answer(chance)
-        thing = chance <= NO_HAND and "other" in self.machines
         return Answers(
-            self.machines["other" if thing else "kind"].answer(row, skin),
+            self._kind(row, skin, chance),
             self.machines["motion"].answer(MOVING.describe(touch), skin),
             hand,
         )
+
+    def _kind(self, row: FloatArray, skin: str, chance: float) -> Answer:
+        """A kind of hand's touch or of thing, as likely as the hand or thing and this kind of it."""
+        kind = self.machines["kind"].answer(row, skin)
+        if "other" not in self.machines:
+            return kind
+        if chance <= NO_HAND:
+            thing = self.machines["other"].answer(row, skin)
+            return replace(thing, probability=(1.0 - chance) * thing.probability)
+        names = kind.set
+        if chance < SURE[1]:
+            names += self.machines["other"].answer(row, skin).set
+        return Answer(kind.answer, chance * kind.probability, names)
 
     def completed(self, others: ThreeAnswers) -> ThreeAnswers:
         """The same with what others have where it has none, but for things beside its own kinds."""

@@ -67,6 +67,17 @@ def test_things_are_named_only_where_it_is_surely_no_hand(told):
     assert SURE[0] >= NO_HAND
 
 
+def test_a_kind_is_no_likelier_than_the_hand_or_thing_that_it_is_of(told):
+    for _, found in told:
+        hand = found.hand.probability
+        assert found.kind.probability <= (hand if found.kind.answer in FOUR else 1.0 - hand)
+        if NO_HAND < hand < SURE[1]:  # it may be a thing: the set names some
+            assert set(found.kind.set) & set(OTHER)
+    # Things that were not ruled out as hands are not named kinds of them surely.
+    things = [a.kind for t, a in told if t.label in OTHER and a.kind.answer in FOUR]
+    assert np.mean([one.probability >= 0.9 for one in things]) < 0.3
+
+
 def test_answers_are_right_more_often_than_chance(told):
     # Chance is a quarter, an eighth and, of sure answers, a half; on a skin left out.
     kinds = [(t.label == a.kind.answer) for t, a in told if t.label in FOUR]
