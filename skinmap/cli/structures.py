@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from skinmap.touch.prepared_skin import PreparedSkin
 
 Distance = Literal["euclidean", "geodesic"]
-TOLERANCE_MM = 1.5  # how far neighbours may stray
 IN_PROFILE = "write {} in the table [classify] of a profile (docs/trade.md)"
 ROTATIONS = 6  # structures may turn by pi/3; 4, by quarters: square grids; 1, not at all
 RARE = 5  # structures with fewer members say little about the lattice
@@ -161,11 +160,10 @@ def work(
 ) -> tuple[StructuresResult, dict[str, PreparedSkin], Structures]:
     """The numbers, the skins by part, and the structures on them; the last two from a profile."""
     from skinmap.neighbours.offsets import LATTICE, auto_radius, concatenate
-    from skinmap.neighbours.structures import find_structures, usual_radius
+    from skinmap.neighbours.structures import find_structures, usual_radius, usual_tolerance
     from skinmap.touch.prepared_skin import PreparedSkin
 
     asked, turns, distance = read_radius(radius_mm), int(rotations), distance or "euclidean"
-    tolerance = 1e-3 * (tolerance_mm or TOLERANCE_MM)
     loaded, names = open_robot(robot, parts)
     skins = {name: PreparedSkin(loaded.skin(name)) for name in names}
     places = [skin.skin.positions for skin in skins.values()]
@@ -175,7 +173,9 @@ def work(
         skin.neighbourhoods(radius=radius, distance=distance, symmetry=symmetry)
         for skin in skins.values()
     ]
-    found = find_structures(concatenate(hoods), tolerance=tolerance, rotations=turns)
+    joined = concatenate(hoods)
+    tolerance = 1e-3 * tolerance_mm if tolerance_mm else usual_tolerance(joined)
+    found = find_structures(joined, tolerance=tolerance, rotations=turns)
     counts, filled = found.counts, found.prototypes.filled.sum(axis=1)
     without = int((found.labels < 0).sum())
     rare = int(counts[counts < RARE].sum()) + without

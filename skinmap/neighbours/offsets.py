@@ -23,6 +23,7 @@ from skinmap.geometry.triangles import cross_products, pair_lengths, unit
 from skinmap.surface.surface_mesh import SurfaceMesh
 
 BAND = 0.8e-3  # half-width of the soft radius [m]: taxels this close to it are optional
+FINE = 4.8e-3  # radius of lattices finer than those that this band is for [m]
 LATTICE = 6  # hexagonal: directions repeat every pi / 3
 LEAN = np.radians(2.0)  # a lattice that lies across by less turns to one side whatever its error
 
@@ -67,6 +68,10 @@ class Neighbourhoods:
         return np.where(self.filled, ramp(length, self.radius, self.band), 0.0)
 
 
+def _usual_band(radius: float) -> float:
+    return BAND if radius >= FINE else 0.1 * radius
+
+
 def ramp(length: FloatArray, radius: float, band: float) -> FloatArray:
     """Weight (...,) of neighbours at a length (...,) [m]: 1 inside the soft band, 0 outside it."""
     if band == 0.0:
@@ -80,7 +85,7 @@ def neighbourhoods(
     reference: FloatArray,
     *,
     radius: float,
-    band: float = BAND,
+    band: float | None = None,
 ) -> Neighbourhoods:
     """Neighbours of each point within a soft radius, as offsets in its tangent plane.
 
@@ -90,8 +95,11 @@ def neighbourhoods(
         [m]; unit.
     reference : (n, 3) array of float
         A direction in each tangent plane that offsets are measured from (the second axis).
-    radius, band : float
-        Neighbours up to radius + band count; beyond radius - band they are optional [m].
+    radius : float
+        [m].
+    band : float, optional
+        Neighbours up to radius + band count; beyond radius - band they are optional [m]. By default
+        0.8 mm, or a tenth of a radius below 4.8 mm, which is that of a finer lattice.
 
     Returns
     -------
@@ -106,6 +114,7 @@ def neighbourhoods(
     >>> len(neighbourhoods(points, up, along, radius=8e-3))
     3
     """
+    band = _usual_band(radius) if band is None else band
     pairs = cKDTree(points).query_pairs(radius + band, output_type="ndarray")
     source, target = np.concatenate([pairs, pairs[:, ::-1]]).T
     right, up = reference_frames(normals, reference)
@@ -245,7 +254,7 @@ STEPS = 261  # radii that are tried
 SLACK = 0.02  # of the mean: as good as empty
 
 
-def auto_radius(skins: Sequence[FloatArray], *, near: float, band: float = BAND) -> float:
+def auto_radius(skins: Sequence[FloatArray], *, near: float, band: float | None = None) -> float:
     """The middle of the widest gap in the distances between taxels, near a requested radius.
 
     A gap is where the fewest pairs lie in the soft band. Skins whose distances have no gap give
@@ -255,8 +264,10 @@ def auto_radius(skins: Sequence[FloatArray], *, near: float, band: float = BAND)
     ----------
     skins : sequence of (n, 3) array of float
         Positions of the taxels of each part [m].
-    near, band : float
-        The requested radius, and half the width of the soft band [m].
+    near : float
+        The requested radius [m].
+    band : float, optional
+        Half the width of the soft band [m], as in `neighbourhoods`.
 
     Returns
     -------
@@ -278,6 +289,7 @@ def auto_radius(skins: Sequence[FloatArray], *, near: float, band: float = BAND)
     """
     if not near > 0:
         raise InvalidArrayError(f"a radius is above 0, got {near} m")
+    band = _usual_band(near) if band is None else band
     radii = near * np.linspace(*RANGE, STEPS)
     lengths = [np.zeros(0)]
     for points in skins:
@@ -298,7 +310,7 @@ DETOUR = 1.5  # ways along edges are longer than straight ones by less
 
 
 def geodesic_neighbourhoods(
-    mesh: SurfaceMesh, reference: FloatArray, *, radius: float, band: float = BAND
+    mesh: SurfaceMesh, reference: FloatArray, *, radius: float, band: float | None = None
 ) -> Neighbourhoods:
     """Neighbours of each taxel within a soft radius along the surface mesh.
 
@@ -311,12 +323,13 @@ def geodesic_neighbourhoods(
     reference : (n, 3) array of float
         A direction in each tangent plane that offsets are measured from (the second axis).
     radius, band : float
-        Neighbours up to radius + band count; beyond radius - band they are optional [m].
+        As in `neighbourhoods`.
 
     References
     ----------
     Mitchell, Mount and Papadimitriou, SIAM Journal on Computing 16(4), 1987, through libigl.
     """
+    band = _usual_band(radius) if band is None else band
     points, normals = mesh.vertices, mesh.skin.normals
     frames = np.stack(reference_frames(normals, reference), axis=1)
     edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])

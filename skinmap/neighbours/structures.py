@@ -168,8 +168,10 @@ __all__ = [
     "assign",
     "find_structures",
     "usual_radius",
+    "usual_tolerance",
 ]
 
+CLOSE = 0.4  # pitches that a neighbour may stray on a fine lattice
 TOLERANCE = 1.5e-3  # [m]; under half a pitch, so that matching points are one-to-one
 RADIUS = 8.0e-3  # [m]; between the first and the second ring of the known modules
 PITCHES = 4.0e-3, 8.1e-3  # of taxels that it is for [m]
@@ -236,7 +238,7 @@ def find_structures(
     skin: FlatMap | Neighbourhoods,
     *,
     radius: float | None = None,
-    tolerance: float = TOLERANCE,
+    tolerance: float | None = None,
     rotations: int = LATTICE,
     compiled: bool | None = None,
 ) -> Structures:
@@ -255,8 +257,9 @@ def find_structures(
     radius : float, optional
         How far neighbours of a taxel lie [m]; by default between two rings of the lattice, near
         8 mm. Only with a flat map.
-    tolerance : float
-        How far a neighbour may lie from its place [m].
+    tolerance : float, optional
+        How far a neighbour may lie from its place [m]; by default 1.5 mm, or 0.4 pitches of a
+        finer lattice.
     rotations : int
         The symmetry of the lattice: 6 lets structures turn by multiples of pi / 3, 4 by quarters
         (square grids), 1 not at all.
@@ -282,6 +285,7 @@ def find_structures(
     True
     """
     hoods = skin if isinstance(skin, Neighbourhoods) else _flat_neighbourhoods(skin, radius)
+    tolerance = usual_tolerance(hoods) if tolerance is None else tolerance
     if not tolerance > 0 or rotations < 1:
         raise InvalidArrayError(
             f"tolerance must be above 0 and rotations at least 1, got {tolerance} and {rotations}"
@@ -354,6 +358,15 @@ def usual_radius(skins: Sequence[FloatArray]) -> float:
     pitches = [median_spacing(one) for one in several if len(one) > 1]
     pitch = float(np.median(pitches)) if pitches else RADIUS
     return RADIUS if PITCHES[0] <= pitch <= PITCHES[1] else RING * pitch
+
+
+def usual_tolerance(hoods: Neighbourhoods) -> float:
+    """`TOLERANCE`, or less where a neighbour that strays so far would reach another's place [m]."""
+    nearest = np.where(hoods.filled, np.linalg.norm(hoods.offsets, axis=2), np.inf).min(
+        axis=1, initial=np.inf
+    )
+    known = nearest[np.isfinite(nearest) & (nearest > 0)]
+    return min(TOLERANCE, CLOSE * float(np.median(known))) if len(known) else TOLERANCE
 
 
 def _flat_neighbourhoods(flat: FlatMap, radius: float | None) -> Neighbourhoods:

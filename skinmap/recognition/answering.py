@@ -175,7 +175,7 @@ class ThreeAnswers:
         )
 
     def _kind(self, row: FloatArray, skin: str, chance: float) -> Answer:
-        """A kind of hand's touch or of thing, as likely as the hand or thing and this kind of it."""
+        """A kind of hand's touch or of thing, no likelier than the hand or thing."""
         kind = self.machines["kind"].answer(row, skin)
         if "other" not in self.machines:
             return kind

@@ -35,6 +35,17 @@ def test_structures_agree_with_counting_neighbours_of_a_lattice(hexagons):
     assert found.counts[0] == (neighbours == 6).sum()
 
 
+@pytest.mark.parametrize("scale", [0.3, 0.15])
+def test_a_finer_layout_has_the_structures_of_the_usual_one(tiling_12, scale):
+    usual = find_structures(flat_hoods(tiling_12), rotations=1)
+    finer = flat_hoods(scale * tiling_12, radius=scale * 8e-3)
+    found = find_structures(finer, rotations=1)
+    assert len(found.prototypes) == 16
+    assert adjusted_rand_score(usual.labels, found.labels) == 1.0
+    # The tolerance of the usual pitch merges shapes that differ.
+    assert len(find_structures(finer, rotations=1, tolerance=1.5e-3).prototypes) < 16
+
+
 def test_labels_do_not_change_with_small_noise(tiling_12, rng):
     quiet = find_structures(flat_hoods(tiling_12), rotations=6)
     noise = rng.normal(scale=1e-4, size=tiling_12.shape) * [1, 1, 0]
