@@ -167,12 +167,8 @@ class ThreeAnswers:
             return None
         skin = touch.skin.fingerprint
         chance = self.hand_probability(touch, row)
-        hand = hand_answer(chance)
-        return Answers(
-            self._kind(row, skin, chance),
-            self.machines["motion"].answer(MOVING.describe(touch), skin),
-            hand,
-        )
+        motion = self.machines["motion"].answer(MOVING.describe(touch), skin)
+        return Answers(self._kind(row, skin, chance), motion, hand_answer(chance))
 
     def _kind(self, row: FloatArray, skin: str, chance: float) -> Answer:
         """A kind of hand's touch or of thing, no likelier than the hand or thing."""

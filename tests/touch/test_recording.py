@@ -49,5 +49,5 @@ def test_rows_of_each_event_are_found_in_one_pass(rng):
 
 def test_arrays_of_another_lab_name_the_way_in(tmp_path):
     np.savez(tmp_path / "x.npz", pressures=np.zeros((10, 5)), times=np.arange(10) / 50)
-    with pytest.raises(DataFormatError, match=r"holds 'pressures', 'times'.*`skinmap export FILE"):
+    with pytest.raises(DataFormatError, match=r"\['pressures', 'times'\].*`skinmap export FILE"):
         skinmap.load_recordings(tmp_path / "x.npz")

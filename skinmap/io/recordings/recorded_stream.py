@@ -259,15 +259,13 @@ class RecordedStream:
 
 def measured_rate(times: FloatArray) -> float:
     """Samples a second by the usual step; 0 where two samples are not there."""
-    step, _ = _step_and_tick(times)
-    return 1.0 / step if step > 0 else 0.0
+    return 1.0 / step if (step := _step_and_tick(times)[0]) else 0.0
 
 
 def _step_and_tick(times: FloatArray) -> tuple[float, float]:
     """The usual step between samples [s], and that of a clock too coarse to tell them apart."""
     steps = np.diff(times)
-    moved = steps[steps > 0]
-    if len(moved) > COARSE * len(steps):
+    if (moved := steps[steps > 0]).size > COARSE * len(steps):
         return float(np.median(steps)), 0.0
     tick = float(np.median(moved)) if len(moved) else 0.0
     return float(steps[steps <= GAP * tick].mean()) if tick else 0.0, tick

@@ -91,8 +91,7 @@ def _load_npz(path: Path) -> list[Recording]:
             if "about" in arrays:
                 return recordings_of(track_of_arrays(arrays, path), path)
             if "head" not in arrays:
-                held = ", ".join(map(repr, arrays.files[:4])) or "nothing"
-                raise DataFormatError(f"holds {held}: not a Skinmap recording. {HOW}", path)
+                raise DataFormatError(f"not a Skinmap recording: {arrays.files[:4]}. {HOW}", path)
     except DAMAGED_ARCHIVE as error:
         if isinstance(error, DataFormatError):
             raise
