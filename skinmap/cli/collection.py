@@ -17,7 +17,7 @@ from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import is_readable, read_recordings, readable
 from skinmap.io.text import is_file
 from skinmap.soundness.examination import falsifying
-from skinmap.soundness.track import Track, track_of
+from skinmap.soundness.track import Track, tracks_of
 from skinmap.touch.contacts.grouping import without_stuck
 from skinmap.touch.recording import Recording
 
@@ -174,7 +174,7 @@ def collect(
             touches += _touches(recording, skin, loaded.name, sessions[file], file)
             rates.append(recording.rate)
         if recordings:
-            tracks.append(track_of(recordings, str(file), placed=False))
+            tracks += tracks_of(recordings, str(file), placed=False)
     for part in parts:
         if part not in there:
             raise UnknownNameError("recorded part", part, there)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,6 +20,7 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.retired import retired
+from skinmap.errors import SkinWarning
 from skinmap.report.present import present
 from skinmap.report.table import Table
 
@@ -174,6 +176,10 @@ def work(
         for skin in skins.values()
     ]
     joined = concatenate(hoods)
+    lonely = int((~joined.filled.any(axis=1)).sum())
+    if 2 * lonely > len(joined):
+        message = f"{lonely} of {len(joined)} taxels have no neighbour within {1e3 * radius:.3g} mm"
+        warnings.warn(f"{message}: ask for more by --radius-mm", SkinWarning, stacklevel=2)
     tolerance = 1e-3 * tolerance_mm if tolerance_mm else usual_tolerance(joined)
     found = find_structures(joined, tolerance=tolerance, rotations=turns)
     counts, filled = found.counts, found.prototypes.filled.sum(axis=1)

@@ -252,6 +252,7 @@ RANGE = (0.75, 1.4)  # of the requested radius: further off it is another ring's
 NARROWEST, WIDEST = 1e-4, 1.0  # neighbourhoods that anyone may ask for [m]
 STEPS = 261  # radii that are tried
 SLACK = 0.02  # of the mean: as good as empty
+MOST = 0.9  # share of the taxels that have a neighbour within a radius that is chosen
 
 
 def auto_radius(skins: Sequence[FloatArray], *, near: float, band: float | None = None) -> float:
@@ -291,16 +292,22 @@ def auto_radius(skins: Sequence[FloatArray], *, near: float, band: float | None 
         raise InvalidArrayError(f"a radius is above 0, got {near} m")
     band = _usual_band(near) if band is None else band
     radii = near * np.linspace(*RANGE, STEPS)
-    lengths = [np.zeros(0)]
+    lengths, nearest = [np.zeros(0)], [np.zeros(0)]
     for points in skins:
-        pairs = cKDTree(points).query_pairs(radii[-1] + band, output_type="ndarray")
+        tree = cKDTree(points)
+        pairs = tree.query_pairs(radii[-1] + band, output_type="ndarray")
         lengths.append(pair_lengths(points, pairs))
-    length = np.sort(np.concatenate(lengths))
+        if len(points) > 1:
+            nearest.append(tree.query(points, 2)[0][:, 1])
+    length, closest = np.sort(np.concatenate(lengths)), np.concatenate(nearest)
+    # Below the first ring nothing lies, and nothing is known.
+    ring = float(np.quantile(closest, MOST)) if len(closest) else 0.0
     count = np.searchsorted(length, radii + band) - np.searchsorted(length, radii - band)
     if not count.any():
         return near
     share = count / radii  # a ring of a random layout holds pairs in proportion to its radius
-    low = np.flatnonzero(share <= share.min() + SLACK * share.mean())
+    full = radii >= (ring if ring <= radii[-1] else 0.0)
+    low = np.flatnonzero(full & (share <= share[full].min() + SLACK * share.mean()))
     runs = np.split(low, np.flatnonzero(np.diff(low) > 1) + 1)
     widest = max(runs, key=lambda run: (len(run), -abs(radii[run].mean() - near)))
     return float(radii[widest].mean())

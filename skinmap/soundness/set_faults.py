@@ -310,8 +310,10 @@ def _shared_trace(one: FloatArray, two: FloatArray) -> int:
 def together(surveys: list[Survey]) -> list[Finding]:
     """Findings of several recordings."""
     found = shared_recordings(surveys)
-    widths = {one.width for one in surveys}
-    if len(widths) > 1:
+    widths: dict[str, set[int]] = {}
+    for one in surveys:
+        widths.setdefault(one.track.part, set()).add(one.width)
+    if any(len(own) > 1 for own in widths.values()):
         files = [one.track.file for one in surveys]
         said = ", ".join(f"{one.width} in {one.track.file}" for one in surveys[:4])
         text = f"The recordings have different channels: {said}."

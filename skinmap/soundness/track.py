@@ -6,7 +6,7 @@ import csv
 import io
 import json
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -26,7 +26,7 @@ from skinmap.errors import (
 )
 from skinmap.io.recordings.channel_table import SECONDS
 from skinmap.io.recordings.mapping import Mapping as FileMapping
-from skinmap.io.recordings.mapping import find_mapping
+from skinmap.io.recordings.mapping import find_mapping, is_own_archive
 from skinmap.io.text import check_file
 
 if TYPE_CHECKING:
@@ -42,6 +42,7 @@ PRESSURE = {"pressure_bar": 1e5, "pressure_kpa": 1e3, "pressure_pa": 1.0}
 # Columns of a table.
 WORDS = {"label": "labels", "gesture": "labels", "session": "sessions", "person": "people"}
 UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
+FAR = 10.0  # between parts of which no pose is known [m]
 TABLES = (".csv", ".tsv", ".txt")
 ARRAYS = (".npz", ".mat")
 STREAMS = (".mcap", ".xdf", ".xdfz", ".db3", ".log")
@@ -75,6 +76,8 @@ class Track:
         Of the channels on the skin [m]; NaN for a channel without a place.
     marks : tuple of dict
         Faults (`kind`, `channels`, `rows`) that a mended copy holds as marks.
+    part : str
+        Of the robot, several separated by commas; empty where the file does not tell.
     """
 
     file: str
@@ -91,6 +94,7 @@ class Track:
     reference_times: FloatArray | None = None
     places: FloatArray | None = None
     marks: tuple[dict[str, Any], ...] = ()
+    part: str = ""
 
 
 def files_of(path: Path) -> list[Path]:
@@ -205,8 +209,6 @@ def _unboxed(array: NDArray[Any]) -> NDArray[Any]:
 
 
 def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
-    if "head" in held or "about" in held:
-        return _from_recordings(path)
     name = next((one for one in SAMPLES if one in held), None)
     if name is None:
         name = max(
@@ -438,41 +440,58 @@ def _cells(lines: list[str], split: str, path: Path) -> Iterator[list[str]]:
         raise DataFormatError(f"not a table: {error}", path) from None
 
 
-def _from_recordings(path: Path) -> Track:
-    """A recording of Skinmap: its parts beside each other."""
-    from skinmap.io.recordings.touch_files import load_recordings
-
-    return track_of(load_recordings(path), str(path))
-
-
-def track_of(recordings: Any, file: str = "recording", *, placed: bool = True) -> Track:
-    """Recordings of one or several parts as a table.
+def tracks_of(recordings: Any, file: str = "recording", *, placed: bool = True) -> list[Track]:
+    """Recordings of one or several parts as tables: parts that share all times are one table.
 
     Parameters
     ----------
     recordings : Recording or list of Recording
     file : str
-        Name of it in findings.
+        Name of it in findings; the part follows where there are several tables.
     placed : bool
         Whether places of the taxels are looked up.
     """
-    several = recordings if isinstance(recordings, list | tuple) else [recordings]
+    several = list(recordings) if isinstance(recordings, list | tuple) else [recordings]
     if not several:
         raise DataFormatError("no recording in it", file)
-    count = min(len(one.times) for one in several)
-    first = max(several, key=lambda one: len(one.labels))
+    alike: dict[bytes, list[Any]] = {}
+    for one in several:
+        alike.setdefault(np.asarray(one.times, np.float64).tobytes(), []).append(one)
+    many = len(alike) > 1
+    return [
+        _joined(own, ": ".join([file, *[", ".join(one.part for one in own)] * many]), placed)
+        for own in alike.values()
+    ]
+
+
+def _joined(several: list[Any], file: str, placed: bool) -> Track:
+    """Parts of the same times beside each other; a row is of a touch on any of them."""
     places = [_places_of(one.robot, one.part, one.pressures.shape[1]) for one in several if placed]
     known = [one for one in places if one is not None]
+    events = np.full(len(several[0].times), -1)
+    words: dict[str, list[str]] = {"labels": [], "sessions": [], "people": []}
+    for one in several:
+        own = np.asarray(one.events)
+        free = (events < 0) & (own >= 0)
+        events[free] = own[free] + len(words["labels"])
+        for name, said in words.items():
+            said += getattr(one, name) or [""] * len(one.labels)
     return Track(
         file,
-        np.concatenate([one.pressures[:count] for one in several], axis=1),
-        np.asarray(several[0].times[:count]),
-        events=np.asarray(first.events[:count]),
-        labels=tuple(first.labels),
-        sessions=tuple(first.sessions) if any(first.sessions) else (),
-        people=tuple(first.people) if any(first.people) else (),
-        places=np.concatenate(known) if len(known) == len(several) else None,
+        np.concatenate([one.pressures for one in several], axis=1),
+        np.asarray(several[0].times),
+        events=events,
+        labels=tuple(words["labels"]),
+        sessions=tuple(words["sessions"]) if any(words["sessions"]) else (),
+        people=tuple(words["people"]) if any(words["people"]) else (),
+        places=apart(known) if len(known) == len(several) else None,
+        part=", ".join(one.part for one in several),
     )
+
+
+def apart(places: list[FloatArray]) -> FloatArray:
+    """Places of parts, each in a frame of its own, so far apart that none are neighbours."""
+    return np.concatenate([one + np.array([FAR * k, 0.0, 0.0]) for k, one in enumerate(places)])
 
 
 def placed(track: Track, robot: Robot) -> Track:
@@ -537,7 +556,7 @@ def _from_stream(path: Path) -> Track:
         elif table is not None and int(table.channels.max(initial=-1)) < width:
             own[table.channels] = table.positions
         places.append(own)
-    whole = np.concatenate(places)
+    whole = apart(places)
     known = bool(found.tables) and np.isfinite(whole).any()
     return Track(
         str(path), values, np.asarray(found.times), events=events,
@@ -548,7 +567,16 @@ def _from_stream(path: Path) -> Track:
     )  # fmt: skip
 
 
-def tracks(paths: list[Path], read: Callable[[Path], Track] = read_track) -> Iterator[Track]:
-    """The recordings that paths name, each once."""
+def read_tracks(path: Path) -> list[Track]:
+    """The tables of a recording: one, or one for each part of ours that has times of its own."""
+    if not is_own_archive(path):
+        return [read_track(path)]
+    from skinmap.io.recordings.touch_files import load_recordings
+
+    return [check_track(one) for one in tracks_of(load_recordings(path), str(path))]
+
+
+def tracks(paths: list[Path]) -> Iterator[Track]:
+    """The tables of the recordings that paths name, each once."""
     for path in dict.fromkeys(one for given in paths for one in files_of(given)):
-        yield read(path)
+        yield from read_tracks(path)

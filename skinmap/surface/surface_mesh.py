@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -11,12 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, check_faces, freeze
-from skinmap.errors import InvalidMeshError, UnknownNameError
+from skinmap.errors import InvalidMeshError, SkinWarning, UnknownNameError
 from skinmap.geometry.topology import check_surface, face_components
 from skinmap.geometry.triangles import TriangleMesh, vertex_areas
 from skinmap.skin.normals import on_a_line
 from skinmap.skin.skin import Skin, skin_from_points
-from skinmap.summary import Drawable
+from skinmap.summary import Drawable, first_few
 from skinmap.surface.accurate import accurate_faces
 from skinmap.surface.consensus_meshing import Limits, consensus_faces
 from skinmap.surface.delaunay_stars import FEW, NEIGHBOURS
@@ -145,7 +146,7 @@ def build_surface(
         Inner loops of up to so many vertices are closed; longer ones are real holes.
     faces : (m, 3) array-like of int, optional
         Triangles of the user's own over the taxels, counter-clockwise seen from outside: they
-        are checked and taken as they are.
+        are checked and taken as they are, but for patches that are inside out.
     body : TriangleMesh or (vertices, faces), optional
         The link's mesh [m] in the frame of the taxels, for "accurate".
 
@@ -220,6 +221,8 @@ def _by_pieces(skin: Skin, mesh_of: Callable[[Skin], SurfaceMesh]) -> SurfaceMes
 def surface_from_faces(skin: Skin, faces: ArrayLike) -> SurfaceMesh:
     """The surface mesh that a user's own triangles (m, 3) make, with its patches numbered.
 
+    Patches that are inside out, by the normals of the taxels, are turned, with a warning.
+
     Raises
     ------
     InvalidMeshError
@@ -238,7 +241,16 @@ def surface_from_faces(skin: Skin, faces: ArrayLike) -> SurfaceMesh:
         raise InvalidMeshError(
             f"the faces meet in one vertex only at taxel {pinched_vertex(own)}: not manifold"
         )
-    return SurfaceMesh(skin, own, np.arange(len(skin)), by_size(own))
+    patches = by_size(own)
+    a, b, c = np.moveaxis(skin.positions[own], 1, 0)
+    outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), skin.normals[own].sum(axis=1))
+    inside_out = np.bincount(patches, outward) < 0
+    if inside_out.any():
+        names = first_few(np.flatnonzero(inside_out).tolist())
+        message = f"faces of {skin.part!r} were inside out in patch {names}: they are turned"
+        warnings.warn(message, SkinWarning, stacklevel=3)
+        own = np.where(inside_out[patches, None], own[:, ::-1], own)
+    return SurfaceMesh(skin, own, np.arange(len(skin)), patches)
 
 
 def by_size(faces: IntArray) -> IntArray:

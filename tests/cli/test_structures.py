@@ -10,6 +10,7 @@ from click.testing import CliRunner
 
 import skinmap
 from skinmap.cli.main import cli
+from skinmap.errors import SkinWarning
 
 
 def run(*arguments: str):
@@ -76,3 +77,9 @@ def test_nonsense_is_refused(arguments, message):
     result = run("kaspar", "--part", "left_foot", *arguments)
     assert result.exit_code == 2
     assert message in result.output
+
+
+def test_a_radius_below_the_pitch_is_warned_of():
+    words = ["structures", "kaspar", "--part", "left_hand", "--radius-mm", "2"]
+    with pytest.warns(SkinWarning, match="have no neighbour within 2 mm: ask for more"):
+        assert CliRunner().invoke(cli, words, catch_exceptions=False).exit_code == 0

@@ -42,3 +42,13 @@ def test_recipe_runs_by_itself(recipe, tmp_path):
     written = [path for path in tmp_path.iterdir() if path.name != "docs"]
     assert done.stdout or written
     assert all(path.stat().st_size for path in written)
+
+
+def test_the_python_of_the_quickstart_runs(tmp_path):
+    page = (ROOT / "docs" / "quickstart.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"^```python\n(.*?)^```", page, re.M | re.S)
+    done = subprocess.run(
+        [sys.executable, "-c", block], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) > 0

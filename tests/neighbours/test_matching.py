@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.spatial import cKDTree
 from sklearn.metrics import adjusted_rand_score
 
 from skinmap.errors import InvalidArrayError
@@ -284,3 +285,14 @@ def test_structures_of_coarse_and_fine_skins_have_their_ring_of_neighbours(pitch
     counts = (prepared.neighbourhoods().index[inner] >= 0).sum(axis=1)
     assert set(counts.tolist()) <= {6, 7}
     assert len(set(found.labels[inner].tolist())) == 1
+
+
+@pytest.mark.parametrize("pitch", [7.5e-3, 8e-3, 9e-3])
+def test_auto_radius_reaches_the_first_ring_of_an_irregular_grid(pitch, rng):
+    grid = pitch * np.stack(np.meshgrid(range(12), range(12)), axis=-1).reshape(-1, 2)
+    points = np.column_stack(
+        [grid + rng.normal(scale=0.06 * pitch, size=grid.shape), 0 * grid[:, 0]]
+    )
+    radius = auto_radius([points], near=8e-3)
+    nearest = cKDTree(points).query(points, 2)[0][:, 1]
+    assert (nearest < radius).mean() > 0.85  # 0 of them before: below the first ring all is empty

@@ -570,3 +570,20 @@ def test_loads_that_are_held_are_neither_drift_nor_noise_nor_another_rest():
     whole = [examine_track(one)[0].findings for one in drifting]
     named = [any(one.kind == "drift" and one.channels is None for one in own) for own in whole]
     assert sum(named) >= 6
+
+
+def test_parts_of_other_times_are_examined_each_for_itself(tmp_path):
+    long, short = (
+        skinmap.simulate("icub", part=part, per_gesture=count, rng=5, variety=0.0)
+        for part, count in (("torso", 6), ("left_foot", 1))
+    )
+    values = np.array(long.pressures)
+    values[:, 50] = 40  # stuck
+    skinmap.save_recordings([replace(long, pressures=values), short], tmp_path / "two.npz")
+    found = skinmap.examine(tmp_path / "two.npz")
+    alone = skinmap.examine(replace(long, pressures=values))
+    assert [one.kind for one in found if "torso" in one.file] == [one.kind for one in alone]
+    assert any(one.kind == "stuck" and one.channels == [50] for one in found)
+    assert not [one for one in found if one.kind in ("wiring", "place")]
+    result = CliRunner().invoke(cli, ["examine", str(tmp_path / "two.npz")])
+    assert f"two.npz: torso: {len(values)} rows of 430 channels" in result.output

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from skinmap.errors import InvalidMeshError
+from skinmap.errors import InvalidMeshError, SkinWarning
 from skinmap.geometry.topology import boundary_loops, check_surface, euler_number
 from skinmap.geometry.triangles import face_areas, face_normals
 from skinmap.skin.skin import skin_from_points
@@ -172,3 +172,13 @@ def test_close_loop_of_a_concave_hole_stays_inside():
     faces = close_loop(points, up, np.arange(6)[::-1])
     assert face_areas(points, faces).sum() == pytest.approx(3.0, rel=1e-12)
     assert (face_normals(points, faces)[:, 2] > 0).all()
+
+
+def test_faces_that_are_inside_out_are_turned(rng):
+    foot = board(rng.uniform(size=(60, 2)))
+    mesh = build_surface(foot)
+    with pytest.warns(SkinWarning, match="inside out in patch 0"):
+        turned = build_surface(foot, faces=mesh.faces[:, ::-1])
+    a, b, c = np.moveaxis(foot.positions[turned.faces], 1, 0)
+    outward = np.einsum("ij,ij->i", np.cross(b - a, c - a), foot.normals[turned.faces[:, 0]])
+    assert (outward > 0).mean() > 0.99

@@ -101,3 +101,14 @@ def test_all_zero_training_gives_a_book_of_rest(tiled, rng):
 def test_learn_codebook_refuses_nothing(rng):
     with pytest.raises(InvalidArrayError, match="needs a skin and 2 words"):
         learn_codebook([], rng=rng)
+
+
+def test_counts_of_any_integer_type_are_the_same_touch(tiled, rng):
+    structures, _ = tiled
+    counts = np.rint(255 * touches(structures, rng)).astype(np.uint8)
+    book = learn_codebook([(structures, counts)], words=4, rng=0)
+    for kind in (np.int16, np.int64):
+        wide = learn_codebook([(structures, counts.astype(kind))], words=4, rng=0)
+        np.testing.assert_array_equal(wide.words, book.words)
+        votes = histograms(book, structures, counts.astype(kind))
+        np.testing.assert_array_equal(votes, histograms(book, structures, counts))

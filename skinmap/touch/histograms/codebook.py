@@ -81,7 +81,7 @@ def patterns(structures: Structures, s: int, samples: FloatArray) -> FloatArray:
 
 
 def check_samples(samples: ArrayLike, n_taxels: int) -> FloatArray:
-    """Samples (t, n) as pressures; 8-bit counts of 0 to 255 become 0 to 1.
+    """Samples (t, n) as pressures; whole numbers are counts of 0 to 255 and become 0 to 1.
 
     Raises
     ------
@@ -92,7 +92,7 @@ def check_samples(samples: ArrayLike, n_taxels: int) -> FloatArray:
     if array.ndim == 2 and array.shape[1] != n_taxels:
         raise SkinMismatchError(f"samples of {array.shape[1]} taxels for a skin of {n_taxels}")
     values = check_finite(array, "samples", (None, n_taxels))
-    return values / COUNTS if array.dtype == np.uint8 else values
+    return values / COUNTS if array.dtype.kind in "iu" else values
 
 
 def _scale(largest: float) -> float:
@@ -115,8 +115,8 @@ def learn_codebook(
     Parameters
     ----------
     skins : sequence of (Structures, (t, n) array-like)
-        Of each skin its structures and t samples of its n taxels: pressures of 0 to 1, or 8-bit
-        counts of 0 to 255.
+        Of each skin its structures and t samples of its n taxels: pressures of 0 to 1, or whole
+        numbers (of any integer type), which are counts of 0 to 255.
     rng : numpy.random.Generator or int
         Chooses patterns and starts of k-means; a number is its seed.
     words : int

@@ -90,7 +90,7 @@ class VoteCounter:
         return self._kernel is not None
 
     def count(self, samples: ArrayLike) -> IntArray:
-        """(t, bins) votes for samples (t, n): pressures 0 to 1, or 8-bit counts of 0 to 255.
+        """(t, bins) votes for samples (t, n): pressures of 0 to 1, or whole counts.
 
         Raises
         ------
@@ -117,7 +117,9 @@ class VoteCounter:
             raise SkinMismatchError(f"a sample {array.shape} for a skin of {self.n_taxels} taxels")
         if self._kernel is None or array.dtype.kind not in "fu":
             return self.count(array[None])[0]
-        values = array / COUNTS if array.dtype == np.uint8 else array.astype(np.float64, copy=False)
+        values = (
+            array / COUNTS if array.dtype.kind in "iu" else array.astype(np.float64, copy=False)
+        )
         votes = np.zeros((1, *self.words.shape[:2]), np.int64)
         if not self._kernel(values[None], votes):
             raise self._too_large(values[None])
@@ -214,7 +216,7 @@ def histograms(codebook: Codebook, structures: Structures, samples: ArrayLike) -
     structures : Structures
         Of a skin of n taxels, by the codebook's prototypes.
     samples : (t, n) array-like
-        Pressures of 0 to 1, or 8-bit counts of 0 to 255.
+        Pressures of 0 to 1, or counts of 0 to 255 as whole numbers.
 
     Returns
     -------
