@@ -178,10 +178,14 @@ class ThreeAnswers:
         if chance <= NO_HAND:
             thing = self.machines["other"].answer(row, skin)
             return replace(thing, probability=(1.0 - chance) * thing.probability)
-        names = kind.set
-        if chance < SURE[1]:
-            names += self.machines["other"].answer(row, skin).set
-        return Answer(kind.answer, chance * kind.probability, names)
+        names, held, other = list(kind.set), chance, self.machines["other"]
+        share = other.shares(row)
+        for k in np.argsort(-share):  # the likeliest things, until the set holds nine of ten
+            if chance >= SURE[1] or held >= COVERAGE:
+                break
+            names.append(other.labels[k])
+            held += (1.0 - chance) * float(share[k])
+        return Answer(kind.answer, chance * kind.probability, tuple(names))
 
     def completed(self, others: ThreeAnswers) -> ThreeAnswers:
         """The same with what others have where it has none, but for things beside its own kinds."""

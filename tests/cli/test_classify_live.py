@@ -108,7 +108,7 @@ def test_people_get_lines_and_a_sentence(made):
     model, recording = made
     result = CliRunner().invoke(cli, ["classify", str(model), str(recording), "--seconds", "99"])
     head, *touches, last = result.stdout.splitlines()
-    assert head.split() == ["began", "part", "touch", "sure", "lasted", "area", "path"]
+    assert head.split() == ["began", "part", "touch", "sure", "hand?", "lasted", "area", "path"]
     assert all(re.match(r" +[\d.]+ s  left_foot +\w+ +[01]\.\d\d", line) for line in touches)
     assert re.fullmatch(r"\d+ touches in \d+ samples, 0 lost; [\d.]+ ms from .*", last)
 
@@ -212,3 +212,22 @@ def test_a_stream_of_a_robot_that_is_not_built_in_names_it_in_its_error(
     assert found.exit_code == 2 or isinstance(found.exception, SkinError)
     said = found.output + str(found.exception)
     assert f"{spec} is of 'twolink': give its manifest as --robot" in said
+
+
+def test_the_centre_is_that_of_the_load_and_not_of_what_lets_go_last(made, tmp_path):
+    model, _ = made
+    skin = skinmap.load_robot("icub").skin("left_foot")
+    middle = skin.positions[30]
+    away = np.linalg.norm(skin.positions - middle, axis=1)
+    pressed = np.flatnonzero(away < 0.02)
+    edge = pressed[np.argmax(away[pressed])]
+    last = np.argsort(np.linalg.norm(skin.positions - skin.positions[edge], axis=1))[:2]
+    values = np.zeros((200, len(skin)), np.uint8)
+    values[50:100, pressed] = 90
+    values[100:110, last] = 30
+    path = tmp_path / "lets_go.npz"
+    none = np.full(200, -1)
+    save_recordings([Recording("left_foot", np.arange(200) / 50, values, none, ())], path)
+    touch, _ = lines(model, path)
+    centre = skin.positions[pressed].mean(axis=0)
+    assert np.linalg.norm(1e-3 * np.array(touch["centre_mm"]) - centre) < 1e-3

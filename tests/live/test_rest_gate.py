@@ -94,3 +94,30 @@ def test_a_finger_that_rests_long_stays_a_finger(joined):
     found = np.concatenate([gate.apply(block) for block in np.array_split(samples, 100)])
     assert (found[-1, finger] > ACTIVE).all()
     assert not found[-1, stone].any()
+
+
+@pytest.mark.parametrize("end", [15.0, -6.0])
+def test_levels_follow_slow_drift_and_touches_stay_what_they_are(joined, end):
+    rate, seconds = 10.0, 900
+    gate, own = RestGate(joined, rate), pair(joined)
+    rng = np.random.default_rng(4)
+    drift = np.linspace(max(0.0, -end), max(0.0, end), round(seconds * rate))
+    samples = drift[:, None] + rng.normal(0, 0.7, (len(drift), len(joined)))
+    pressed = slice(8500, 8520)
+    samples[pressed, own] += 60.0
+    counts = np.clip(np.rint(samples), 0, 255).astype(np.uint8)
+    found = np.concatenate([gate.apply(block) for block in np.array_split(counts, 450)])
+    felt = found[pressed][:, own]
+    assert np.abs(felt - (60.0 + drift[0])).max() < 4.0  # as at the beginning
+    found[pressed, own] = 0
+    assert not found.any()  # 15 counts of drift were touches on the whole skin
+
+
+def test_a_finger_that_rests_for_minutes_is_not_taken_for_drift(joined):
+    rate = 10.0
+    gate, own = RestGate(joined, rate), pair(joined)
+    samples = np.zeros((6000, len(joined)), np.uint8)
+    samples[300:, own] = 30
+    samples[300::7, own] = 33  # it breathes: what stands still hangs
+    found = np.concatenate([gate.apply(block) for block in np.array_split(samples, 300)])
+    assert (found[300:, own] >= 30).all()

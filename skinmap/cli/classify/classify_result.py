@@ -222,7 +222,7 @@ class LiveTouch:
     peak
         Largest pressure of a taxel [counts].
     centre_mm
-        Last place of the centre, in the frame of the link.
+        Centre of its load at its heaviest moment, in the frame of the link.
     contacts
         Numbers of the contacts in the touch.
     heading

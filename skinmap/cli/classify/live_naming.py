@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -50,7 +51,8 @@ if TYPE_CHECKING:
 
 WAIT = 0.2  # so often a silent source lets an interruption through [s]
 HEAD = (
-    f"{'began':>11}  {'part':18} {'touch':14} {'sure':>5}  {'lasted':>8}  {'area':>16}  {'path':>9}"
+    f"{'began':>11}  {'part':18} {'touch':14} {'sure':>5}  {'hand?':6}  {'lasted':>8}  "
+    f"{'area':>16}  {'path':>9}"
 )
 LATENCIES = 100_000  # the last ones, that the summary speaks of
 
@@ -80,6 +82,7 @@ def classify_live(
     from skinmap.live.response.pressures import load_responses
     from skinmap.live.sources.open_source import open_source
     from skinmap.live.sources.source import is_live
+    from skinmap.live.touched_taxels import LEARN
 
     chosen = parts or None
     # A recording that nobody follows is named as fast as it goes.
@@ -91,6 +94,7 @@ def classify_live(
 
     try:
         skins = {part: PreparedSkin(loaded.skin(part)) for part in source.info.parts}
+        followed = is_live(source)
         loop = TouchLoop(
             loaded,
             source,
@@ -100,8 +104,11 @@ def classify_live(
             parts=chosen,
             skins=skins,
             reopen=open_it,
-            singly=not is_live(source),  # so that it ends at the very sample
+            singly=not followed,  # so that it ends at the very sample
         )
+        if not followed and Path(spec).exists():  # what lies there can be looked at before
+            with closing(open_it()) as ahead:
+                loop.learn_rest(ahead, LEARN)
         _note_differences(classifier, loop)
         run = _Run(loop, spec, classifier.name, as_json=as_json)
         publishers = _publish(loop, publish)
@@ -186,6 +193,7 @@ class _Run:
             self.touches += 1
             load = self.loads.pop(touch.identity, None)
             said = Prediction(touch.label, touch.confidence, touch.names)
+            hand = "-" if touch.answers is None else touch.answers.hand.answer
             area = f"{touch.area_least * MM**2:4.0f} to {touch.area * MM**2:4.0f} mm2"
             if self.as_json:
                 emit_line(LiveTouch.of(touch, load))
@@ -194,7 +202,7 @@ class _Run:
                     click.echo(HEAD)
                 click.echo(
                     f"{touch.began:9.2f} s  {touch.part:18} {in_words(said):14} "
-                    f"{touch.confidence:5.2f}  {touch.duration:6.2f} s  "
+                    f"{touch.confidence:5.2f}  {hand:6}  {touch.duration:6.2f} s  "
                     f"{area}  {touch.path_length * MM:6.1f} mm"
                     f"{motion_words(touch)}{'' if load is None else '  ' + load.in_words()}"
                 )
@@ -233,7 +241,8 @@ class _Run:
 def motion_words(touch: TouchEvent) -> str:
     """Where it went and how fast, or how often it was pressed; nothing of what stayed."""
     said = ""
-    if touch.heading != "still":
+    stays = touch.motion is not None and touch.motion.answer == "still"
+    if touch.heading != "still" and not stays:
         said += f"  {touch.heading}, {touch.speed * MM:.0f} mm/s"
     if touch.presses > 1:
         said += f"  {touch.presses} times, {1.0 / touch.period:.1f} a second"

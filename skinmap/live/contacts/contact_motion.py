@@ -431,7 +431,7 @@ class MotionBook:
             return Course()
         speed, (up, right) = way.speed, way.gone
         if way.length < SHORT or speed <= 0:
-            return Course("still", speed, way.length, up, right)
+            return Course("still", 0.0, way.length, up, right)
         word: Heading = heading(up, right, 1.0, 0.0)
         if math.hypot(up, right) < STRAIGHT * way.length:
             word = "to and fro"

@@ -164,7 +164,7 @@ class TouchEvent(_Answered):
     path_length : float
         Way of its centre along the skin [m].
     centre : (3,) float
-        Where it was last, in the link's frame [m].
+        Centre of the load of all its contacts at its heaviest moment, in the link's frame [m].
     contacts : int
         Contacts that were part of it.
     names : tuple of str, optional

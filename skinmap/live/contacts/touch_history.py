@@ -25,6 +25,7 @@ STUCK = 0.5  # of its taxels: a touch with so many stuck ones was none
 SAME_PLACE = 0.04  # where the next press of a pat lands [m]
 UNSURE = (UNKNOWN, NO_CONTACT, UNNAMED)
 NOBODY = Prediction(UNNAMED, float("nan"))
+NOTHING = 0.0, 0.0, 0.0, np.zeros(3)  # area, least area, load [counts], load times place
 
 
 @dataclass(eq=False, slots=True)
@@ -45,6 +46,7 @@ class Entry:
     peak: float = 0.0
     length: float = 0.0
     heaviest: float = 0.0
+    place: FloatArray | None = None  # centre of its load at its heaviest moment
     pressed: bool = True
     name: Prediction = NOBODY
     contacts: set[int] = field(default_factory=set)
@@ -120,16 +122,18 @@ class TouchBook:
         for one, other in (swallowed or {}).items():
             if other in belongs:
                 belongs[one] = belongs[other]
-        sums: dict[int, tuple[float, float, float]] = {}
+        sums: dict[int, tuple[float, float, float, FloatArray]] = {}
         for track in tracks:
             if len(track.taxels):
                 self._add(track)
-                area, least, load = sums.get(track.touch, (0.0, 0.0, 0.0))
+                area, least, load, moment = sums.get(track.touch, NOTHING)
                 more = least + track.area_least, load + track.load
-                sums[track.touch] = area + track.area, *more
-        for number, (area, least, load) in sums.items():
+                sums[track.touch] = area + track.area, *more, moment + track.load * track.centre
+        for number, (area, least, load, moment) in sums.items():
             entry = self.entries[number]
-            entry.area, entry.heaviest = max(entry.area, area), max(entry.heaviest, load)
+            if load > entry.heaviest:
+                entry.heaviest, entry.place = load, moment / load
+            entry.area = max(entry.area, area)
             entry.area_least = max(entry.area_least, least)
             entry.pressed = load >= POOL_SHARE * entry.heaviest
         for number, entry in list(self.entries.items()):
@@ -333,7 +337,8 @@ class TouchBook:
         into.area, into.peak = max(into.area, entry.area), max(into.peak, entry.peak)
         into.area_least = max(into.area_least, entry.area_least)
         into.length = max(into.length, entry.length)
-        into.heaviest = max(into.heaviest, entry.heaviest)
+        if entry.heaviest > into.heaviest:
+            into.heaviest, into.place = entry.heaviest, entry.place
         into.contacts |= entry.contacts
         into.felt |= entry.felt
 
@@ -349,7 +354,7 @@ class TouchBook:
             entry.area,
             entry.peak,
             entry.length,
-            entry.centre,
+            entry.centre if entry.place is None else entry.place,
             len(entry.contacts),
             entry.name.names,
             gone.heading,

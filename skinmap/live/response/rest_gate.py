@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import BoolArray
 from skinmap.live.response.pressures import REST, WINDOW
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.touch.contacts.rest import felt, find_rest, usual_rest
+from skinmap.touch.contacts.rest import LOW, Rest, felt, find_rest, usual_rest
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 
 FROZEN = (
@@ -19,6 +19,8 @@ FROZEN = (
 )
 TWICE = 2  # windows in which it must be frozen
 NEVER = 5  # windows after which a taxel that was never seen at rest is stuck
+FOLLOWED = 0.05  # counts a second that levels follow drift by; no press rises so slowly
+STEADY = 1.0  # counts that rest may wander without being followed
 SOME = 16  # one taxel of so many stands for the skin where a few are learnt
 PRESSED_FLAT = 250.0  # a reading at the end of the range stands still under a finger, too [counts]
 
@@ -27,7 +29,8 @@ class RestGate:
     """Lets touches of a joined skin of N taxels pass, and nothing else.
 
     Each taxel's levels are learnt in the first two seconds in which it is seen at rest; before,
-    they are the usual ones. What is high before it was first seen at rest is not a touch: it may
+    they are the usual ones. They follow slow drift while the taxel is free, and what is felt above
+    them is less by as much. What is high before it was first seen at rest is not a touch: it may
     hang. A taxel is stuck while it stands still above the level of a touch for four seconds, for
     two if it was never seen at rest, or if it is never seen at rest for ten; one reading at rest
     sets it free.
@@ -44,13 +47,16 @@ class RestGate:
         n = len(skin)
         every = (rate if rate > 0 else 50.0) * REST / WINDOW
         self._every = max(1, round(every))
+        self._follow = FOLLOWED * WINDOW * self._every / (rate if rate > 0 else 50.0)
         self._window = np.zeros((WINDOW, n), np.float32)
         self._seen = 0
         self._known: BoolArray = np.zeros(n, bool)
         self._high = np.zeros(n, np.int64)  # windows that a taxel has been high without a break
         self._still = np.zeros(n, np.int64)  # and has stood still
         self._mute: BoolArray = np.ones(n, bool)  # stuck, or not seen at rest yet
-        self.rest = usual_rest(n)
+        self.rest = self._learnt = usual_rest(n)
+        self._home = np.full(n, np.nan)  # mean of a window at rest, when the levels were learnt
+        self._drift = np.zeros(n)  # since then [counts]
         self.changes = 0  # of what `states` says
 
     def apply(self, pressures: NDArray[Any]) -> NDArray[Any]:
@@ -63,6 +69,9 @@ class RestGate:
             if place == WINDOW - 1:
                 self._learn()
         self._seen += len(pressures)
+        if self._drift.any():
+            lower = np.maximum(np.rint(found - self._drift), 1).astype(found.dtype)
+            found = np.where(found > 0, lower, found)
         return found
 
     def states(self) -> dict[str, BoolArray]:
@@ -104,10 +113,29 @@ class RestGate:
             columns = np.flatnonzero(waiting)
             found = find_rest(self._window[:, columns])
             fresh = ~self._known[columns] & ~found.stuck
-            levels = {name: getattr(rest, name).copy() for name in ("offset", "begins", "goes_on")}
+            names = "offset", "begins", "goes_on"
+            levels = {name: getattr(self._learnt, name).copy() for name in names}
             for name, values in levels.items():
                 values[columns[fresh]] = getattr(found, name)[fresh]
+            self._learnt = replace(self._learnt, **levels)
             rest = replace(rest, **levels)
             self._known[columns[fresh]] = True
-        self.rest = rest
+        self.rest = self._followed(rest, high)
         self.changes += 1
+
+    def _followed(self, rest: Rest, high: NDArray[np.float32]) -> Rest:
+        """The levels, moved by the drift of taxels that a full window shows free."""
+        free, mean = self._known & (high <= rest.goes_on), self._window.mean(axis=0)
+        self._home = np.where(free & np.isnan(self._home), mean, self._home)
+        away = mean - self._home - self._drift
+        moving = free & (np.abs(away) > STEADY)
+        self._drift[moving] += np.clip(away[moving], -self._follow, self._follow)
+        if not self._drift.any():
+            return rest
+        learnt = self._learnt
+        return replace(
+            rest,
+            offset=learnt.offset + self._drift,
+            begins=np.maximum(ACTIVE, learnt.begins + self._drift),
+            goes_on=np.maximum(LOW, learnt.goes_on + self._drift),
+        )
