@@ -294,3 +294,49 @@ def test_a_mapping_that_loses_the_pressures_is_warned_of(tmp_path, channels, sca
     path.with_suffix(".toml").write_text(MAPPING + more)
     with pytest.warns(SkinWarning, match=match):
         read_recordings(path)
+
+
+@pytest.mark.parametrize("rest", [40, 240])
+def test_a_skin_that_never_reads_nothing_is_warned_of(tmp_path, channels, rest):
+    rng = np.random.default_rng(3)
+    values = np.rint(rest + rng.normal(scale=1.0, size=(400, len(channels)))).astype(int)
+    path = tmp_path / "t.npz"
+    np.savez(path, values=values, times=np.arange(400) / 50, channels=channels)
+    path.with_suffix(".toml").write_text(MAPPING)
+    with pytest.warns(SkinWarning, match=rf"never reads less than {rest - 2} .*rest_percentile"):
+        read_recordings(path)
+
+
+@pytest.mark.parametrize("split", [";", "\t"])
+def test_decimal_commas_are_read_where_other_signs_separate_columns(tmp_path, channels, split):
+    rows = [f"{k / 50:.2f}".replace(".", ",") + split + split.join(["7,0"] * len(channels))
+            for k in range(8)]  # fmt: skip
+    head = split.join(["time", *(f"ch{k}" for k in channels)])
+    path = tmp_path / "t.csv"
+    path.write_text("\n".join([head, *rows]))
+    path.with_suffix(".toml").write_text(MAPPING)
+    (one,) = read_recordings(path)
+    assert (one.pressures == 7).all()
+    np.testing.assert_allclose(one.times, np.arange(8) / 50)
+
+
+def test_times_in_another_unit_and_channels_from_one_are_named(tmp_path, channels, values):
+    path = tmp_path / "t.csv"
+    write_csv(path, channels, values, times=20.0 * np.arange(SAMPLES))
+    path.with_suffix(".toml").write_text(MAPPING)
+    with pytest.warns(SkinWarning, match="a sample every 20 s; see time_unit"):
+        read_recordings(path)
+    write_csv(path, channels + 1, values)
+    with pytest.warns(SkinWarning, match="may count from 1"):
+        read_recordings(path)
+
+
+def test_channels_are_matched_by_what_they_number(tmp_path):
+    skin = skinmap.load_robot("ur10e-cyskin").skin("forearm_1")
+    values = np.random.default_rng(1).integers(0, 200, (SAMPLES, len(skin)))
+    path = tmp_path / "t.npz"
+    path.with_suffix(".toml").write_text('robot = "ur10e-cyskin"\npart = "forearm_1"\n')
+    for names in ({"channels": skin.channels}, {}):  # {}: in the order of the taxel table
+        np.savez(path, values=values, times=np.arange(SAMPLES) / 10, **names)
+        (one,) = read_recordings(path)
+        np.testing.assert_array_equal(one.pressures, values)

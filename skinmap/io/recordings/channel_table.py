@@ -11,6 +11,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +31,11 @@ from skinmap.io.text import MAX_CHANNEL, check_file
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.summary import first_few
+from skinmap.touch.contacts.skin_geometry import ACTIVE
 from skinmap.touch.recording import Recording
 from skinmap.touch.touch_labels import check_label
 
+Numbered = Literal["channel", "id", "count"]
 MAX_BYTES = 2**30  # a table is read whole
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
 NUMBER = re.compile(r"\D*([0-9]+)")  # ch12, taxel_12, 12
@@ -41,6 +44,9 @@ APART = 1.0  # seconds between stretches whose times begin anew
 COUNTS = 255.0
 DIGITS = 18  # of a number that a channel may have before it is refused as too large
 FEW = 5  # names in a message
+LOOKED_AT = 2000  # samples that the rest of a skin is judged by
+LOWEST = 2.0  # percentile of the samples: a skin that is pressed for long is let go at times
+SLOW = 2.0  # step between samples from which times are hardly seconds [s]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -60,6 +66,9 @@ class ChannelTable:
         Of each event.
     stretches : (t,) int, optional
         Files that were joined: each has a rest, and times, of its own.
+    numbered : {"channel", "id", "count"}
+        By which `channels` number the taxels: places in the live vector, ids of the hardware, or
+        only as the columns are counted.
     """
 
     times: FloatArray
@@ -70,6 +79,7 @@ class ChannelTable:
     sessions: tuple[str, ...] = ()
     people: tuple[str, ...] = ()
     stretches: IntArray | None = None
+    numbered: Numbered = "channel"
 
 
 def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording:
@@ -99,7 +109,7 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
         np.rint(np.clip(counts, 0.0, COUNTS, out=counts), out=counts)  # may be a gigabyte
     np.nan_to_num(counts, copy=False, nan=0.0)
     pressures = np.zeros((len(counts), len(skin)), np.uint8)
-    rows, columns = _places(_numbers_of(robot, skin), table.channels, path)
+    rows, columns = _places(_numbers_of(robot, skin, table), table.channels, path)
     pressures[:, rows] = counts[:, columns]
     several = (mapping.session, mapping.person)
     sessions, people = (
@@ -122,12 +132,16 @@ def _check_scale(counts: FloatArray, mapping: Mapping, path: Path) -> None:
     """Warn where a mapping makes nothing of pressures, or all of them the largest."""
     low, high = (float(end(counts, initial=0.0)) for end in (np.nanmin, np.nanmax))
     as_counted = mapping.full_scale == COUNTS and mapping.rest_percentile is None
+    some = counts[:: max(1, len(counts) // LOOKED_AT)]
+    rest = float(np.median(np.percentile(some, LOWEST, axis=0))) if some.size else 0.0
     if low < 0.0 == high:
         wrong = "no pressure lies above 0"
     elif as_counted and 0.0 < high <= 1.0 and bool((counts % 1.0).any()):
         wrong = f"the largest pressure is {high:.2g} of 255 counts"
     elif as_counted and high > 2.0 * COUNTS:
         wrong = f"values reach {high:.4g}, and 255 counts are the most"
+    elif mapping.rest_percentile is None and rest > ACTIVE:
+        wrong = f"it never reads less than {rest:.0f} counts, as if all of it were touched"
     else:
         return
     warnings.warn(
@@ -157,6 +171,10 @@ def _check(table: ChannelTable, path: Path) -> None:
             f"{table.times[max(row - 1, 0)]:g} s",
             path,
         )
+    step = float(np.median(np.diff(table.times))) if len(table.times) > 1 else 0.0
+    if step >= SLOW:
+        message = f"{path.name}: a sample every {step:.4g} s; see time_unit of its mapping"
+        warnings.warn(message, SkinWarning, stacklevel=3)
     twice = [number for number, count in Counter(table.channels.tolist()).items() if count > 1]
     if twice:
         named = ", ".join(map(str, twice[:FEW]))
@@ -174,10 +192,13 @@ def _above_rest(values: FloatArray, stretches: IntArray | None, calm: float) -> 
     return found
 
 
-def _numbers_of(robot: Robot, skin: Skin) -> IntArray:
-    """(n,) id of each taxel where the skin's file has ids, -1 for one without; else its channel."""
+def _numbers_of(robot: Robot, skin: Skin, given: ChannelTable) -> IntArray:
+    """(n,) number of each taxel: its channel, its id (-1 for none), or its place in the table."""
+    if given.numbered == "count" and len(given.channels) == len(skin):
+        return np.arange(len(skin))
     table = robot.part(skin.part).read()
-    if not len(table.ids):
+    known = np.isin(given.channels, skin.channels).any() and given.numbered != "id"
+    if known or not len(table.ids):
         return skin.channels
     place = dict(zip(table.channels.tolist(), table.ids.tolist(), strict=True))
     return np.array([place[channel] for channel in skin.channels.tolist()], np.int64)
@@ -196,9 +217,11 @@ def _places(numbers: IntArray, channels: IntArray, path: Path) -> tuple[IntArray
         )
     idle, lost = len(numbers) - len(rows), len(channels) - len(rows)
     if idle or lost:
+        shifted = channels.min() == 1 and numbers.min() == 0 and len(channels) == len(numbers)
+        cause = "; its channels may count from 1: name them from 0 in `channels`" if shifted else ""
         warnings.warn(
             f"{path.name}: {lost} channels without a place were left out, {idle} places without "
-            "a channel rest at zero",
+            f"a channel rest at zero{cause}",
             SkinWarning,
             stacklevel=2,
         )
@@ -284,10 +307,12 @@ def _rows(path: Path, mapping: Mapping) -> Iterator[list[str]]:
     """Names of the columns, then the words of each sample."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            start = "".join(islice(file, 20))
-            delimiter = "\t" if path.suffix.lower() == ".tsv" else ","
-            if delimiter not in start:
-                delimiter = next((one for one in (";", "\t", " ") if one in start), ",")
+            start = [line for line in islice(file, 20) if line.strip() and line[0] != "#"]
+            # Not in the samples, where a comma may be that of a number.
+            head = start[0] if start else ""
+            delimiter = max((",", ";", "\t"), key=head.count)
+            if delimiter not in head and " " in head.strip():
+                delimiter = " "
             file.seek(0)
             lines = (line for line in file if line.strip() and not line.startswith("#"))
             table = (
@@ -336,7 +361,10 @@ def _channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict
 def _take(held: array[float], row: list[str], columns: list[int], number: int, path: Path) -> None:
     """Put the numbers of a sample behind those of the samples before."""
     try:
-        held.extend([float(row[k]) for k in columns])
+        try:
+            held.extend([float(row[k]) for k in columns])
+        except ValueError:  # "0,5", where commas separate no columns
+            held.extend([float(row[k].replace(",", ".")) for k in columns])
     except ValueError as error:  # "could not convert string to float: 'abc'"
         word = str(error).partition(": ")[2]
         raise DataFormatError(f"sample {number} holds {word}, no number", path) from None
@@ -408,6 +436,8 @@ def _table_of(arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Pa
     else:
         raise DataFormatError("no `times` (t,): name them, or give rate_hz in its mapping", path)
     channels = arrays.get("channels", arrays.get("taxel_ids", np.arange(width)))
+    numbered: Numbered = "id" if "taxel_ids" in arrays else "count"
+    numbered = "channel" if "channels" in arrays else numbered
     stretches = arrays.get("file_index")
     label = mapping.label_of(path)
     events = arrays.get("events", stretches)
@@ -433,6 +463,7 @@ def _table_of(arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Pa
         tuple(map(str, arrays.get("sessions", ()))),
         tuple(map(str, arrays.get("people", ()))),
         None if stretches is None else stretches.astype(np.int64),
+        numbered,
     )
 
 
@@ -496,6 +527,7 @@ def read_cyskin_text(path: Path) -> list[Recording]:
         np.array(channels, np.int64),
         np.full(len(rows), 0 if label else -1),
         (label,) if label else (),
+        numbered="id",
     )
     return [recording_of(table, mapping, path)]
 
