@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 # Settings of classifiers that only a profile has.
 IN_PROFILE = ("radius_mm", "words", "rotations", "distance", "image_size")
 SHOWN = 12  # sessions or people that a line names
+UNEVEN = 0.03  # between the accuracies of touches and of labels, from which both are shown
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -121,6 +122,8 @@ class TrainResult:
         Numbers of tested touches.
     per_part
         Accuracy by the name of the part.
+    per_label
+        Accuracy by the label, on the parts trained on.
     skins
         Skins of the recordings.
     people, sessions
@@ -148,6 +151,7 @@ class TrainResult:
     accuracy: Accuracy
     tested: Tested
     per_part: dict[str, float]
+    per_label: dict[str, float]
     skins: list[TrainedPart]
     people: dict[str, int]
     sessions: dict[str, int]
@@ -290,6 +294,7 @@ def work(
         accuracy=Accuracy(same_parts=seen.accuracy, other_parts=unseen.accuracy),
         tested=Tested(same_parts=seen.touches, other_parts=unseen.touches),
         per_part={**seen.per_part, **unseen.per_part},
+        per_label=dict(seen.per_label),
         skins=_skins(found),
         people=people,
         sessions=found.count("session"),
@@ -405,6 +410,11 @@ def _lines(result: TrainResult) -> Iterator[str]:
             in_turn = result.tested_by == "cross_validation" and where == "the same parts"
             how = ", each named by a model trained on the others" if in_turn else ""
             yield f"{100 * accuracy:.1f} % of {tested} touches on {where}{how}"
+    shares = result.per_label.values()
+    mean = sum(shares) / len(shares) if shares else 0.0
+    if result.accuracy.same_parts is not None and abs(mean - result.accuracy.same_parts) > UNEVEN:
+        each = first_few([f"{name} {100 * own:.0f} %" for name, own in result.per_label.items()])
+        yield f"labels differ: {100 * mean:.1f} % in the mean of labels ({each})"
     for doubt in result.warnings:
         yield f"warning: {doubt}"
 

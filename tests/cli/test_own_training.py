@@ -259,3 +259,16 @@ def test_what_chance_holds_out_leaves_enough_of_each_label(seed):
     assert is_few(train, same) == (least < CALIBRATION_FOLDS)
     assert is_few(touches[:8] + touches[9:17])
     assert not is_few(touches)
+
+
+def test_a_rare_label_that_is_missed_is_named_beside_the_share_of_all(tmp_path):
+    one = touched("kaspar", "torso", 4, kinds=("poke",), count=30, sessions="monday")
+    labels = tuple("odd" if k % 5 == 0 else "poke" for k in range(len(one.labels)))  # alike
+    skinmap.save_recordings(replace(one, labels=labels), tmp_path / "t.npz")
+    words = ["train", str(tmp_path / "t.npz"), "-o", str(tmp_path / "m.skinmodel")]
+    found = run(*words)
+    assert found["accuracy"]["same_parts"] > 0.7
+    assert found["per_label"]["odd"] < 0.5
+    said = CliRunner().invoke(cli, [*words, "--force"]).output
+    assert "labels differ: " in said
+    assert "odd" in said.partition("in the mean of labels")[2]
