@@ -174,7 +174,8 @@ def collect(
             touches += _touches(recording, skin, loaded.name, sessions[file], file)
             rates.append(recording.rate)
         if recordings:
-            tracks += tracks_of(recordings, str(file), placed=False)
+            own = tracks_of(recordings, str(file), placed=False)
+            tracks += [one for one in own if len(one.values)]
     for part in parts:
         if part not in there:
             raise UnknownNameError("recorded part", part, there)

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 
 import skinmap
 from skinmap.cli.main import cli
-from skinmap.errors import SkinError
+from skinmap.errors import SkinError, SkinWarning
 from skinmap.recognition.classifier import DEFAULT, classifiers
 from skinmap.recognition.descriptors import ContactGeometry, recorded_touches
 from skinmap.recognition.evaluate import score
@@ -272,3 +272,17 @@ def test_a_rare_label_that_is_missed_is_named_beside_the_share_of_all(tmp_path):
     said = CliRunner().invoke(cli, [*words, "--force"]).output
     assert "labels differ: " in said
     assert "odd" in said.partition("in the mean of labels")[2]
+
+
+def test_a_recording_without_samples_is_named_and_breaks_nothing(tmp_path):
+    skin = skinmap.load_robot("icub").skin("left_foot")
+    none, rows = np.zeros(0), np.zeros((0, len(skin)), np.uint8)
+    path = tmp_path / "none.npz"
+    skinmap.save_recordings(
+        [Recording("left_foot", none, rows, none.astype(int), (), robot="icub")], path
+    )
+    assert "two labels or more; marked are: none" in refuse(
+        "train", path, "-o", tmp_path / "m.skinmodel"
+    )
+    with pytest.warns(SkinWarning, match="no samples"):
+        assert "0 touches in 0 samples" in CliRunner().invoke(cli, ["classify", str(path)]).output

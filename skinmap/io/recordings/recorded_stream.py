@@ -316,6 +316,8 @@ def warn_of_loss(track: RecordedStream, path: Path) -> RecordedStream:
             SkinWarning,
             stacklevel=3,
         )
+    elif len(track.times) == 0:
+        warnings.warn(f"{path.name}: no samples", SkinWarning, stacklevel=3)
     return track
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,7 @@ from skinmap.errors import (
     DataFormatError,
     MissingFileError,
     SkinMismatchError,
+    SkinWarning,
     UnknownNameError,
     check_kind,
 )
@@ -181,6 +183,8 @@ def _open_touches(
         raise DataFormatError("no recording in it", path)
     longest = max(chosen, key=lambda one: len(one.times))
     rate = _rate(longest)
+    if len(longest.times) == 0:
+        warnings.warn(f"{path.name}: no samples", SkinWarning, stacklevel=3)
     for one in chosen:
         if robot is not None and one.pressures.shape[1] != len(robot.skin(one.part)):
             raise SkinMismatchError(
