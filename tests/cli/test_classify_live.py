@@ -21,6 +21,7 @@ from skinmap.recognition.classifier import classifiers
 from skinmap.recognition.descriptors import Touch
 from skinmap.recognition.model_file import save_classifier
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
+from skinmap.touch.simulation.gestures import FOUR
 from skinmap.touch.simulation.simulator import simulate
 
 FOOT = ("--part", "left_foot")
@@ -111,6 +112,14 @@ def test_people_get_lines_and_a_sentence(made):
     assert head.split() == ["began", "part", "touch", "sure", "hand?", "lasted", "area", "path"]
     assert all(re.match(r" +[\d.]+ s  left_foot +\w+ +[01]\.\d\d", line) for line in touches)
     assert re.fullmatch(r"\d+ touches in \d+ samples, 0 lost; [\d.]+ ms from .*", last)
+
+
+def test_no_line_names_a_hands_touch_that_no_hand_made():
+    words = ["classify", "sim", "--gesture", "all", "--seconds", "12", "--seed", "3"]
+    _, *touches, _ = CliRunner().invoke(cli, words).stdout.splitlines()
+    denied = [line.split() for line in touches if re.search(r"\d  other +\d", line)]
+    assert len(denied) > 2
+    assert not {words[3] for words in denied} & set(FOUR)
 
 
 def test_one_process_publishes_and_another_names(made):

@@ -184,7 +184,6 @@ class _Run:
 
     def _tell_touches(self) -> None:
         from skinmap.live.contacts.named_touch import UNNAMED
-        from skinmap.recognition.naming import in_words
 
         self.withdrawn += len(self.loop.withdrawn())
         for touch in self.loop.finished():
@@ -192,7 +191,6 @@ class _Run:
                 continue  # all samples were named from, and nobody's touch was among these
             self.touches += 1
             load = self.loads.pop(touch.identity, None)
-            said = Prediction(touch.label, touch.confidence, touch.names)
             hand = "-" if touch.answers is None else touch.answers.hand.answer
             area = f"{touch.area_least * MM**2:4.0f} to {touch.area * MM**2:4.0f} mm2"
             if self.as_json:
@@ -200,9 +198,10 @@ class _Run:
             else:
                 if self.touches == 1:
                     click.echo(HEAD)
+                name, sure = _shown(touch)
                 click.echo(
-                    f"{touch.began:9.2f} s  {touch.part:18} {in_words(said):14} "
-                    f"{touch.confidence:5.2f}  {hand:6}  {touch.duration:6.2f} s  "
+                    f"{touch.began:9.2f} s  {touch.part:18} {name:14} "
+                    f"{sure:5.2f}  {hand:6}  {touch.duration:6.2f} s  "
                     f"{area}  {touch.path_length * MM:6.1f} mm"
                     f"{motion_words(touch)}{'' if load is None else '  ' + load.in_words()}"
                 )
@@ -236,6 +235,19 @@ class _Run:
             f"{summary.counts.faults() or '0 lost'}; "
             f"{median} ms from a sample to its labels (median)"
         )
+
+
+def _shown(touch: TouchEvent) -> tuple[str, float]:
+    """Its label and confidence; of a hand's gesture that surely no hand made, the thing instead."""
+    from skinmap.recognition.naming import in_words
+    from skinmap.touch.simulation.gestures import FOUR
+
+    found = touch.answers
+    if found is None or found.hand.answer != "other" or touch.label not in FOUR:
+        return in_words(Prediction(touch.label, touch.confidence, touch.names)), touch.confidence
+    if found.kind.answer in FOUR:
+        return "not a hand", 1.0 - found.hand.probability
+    return found.kind.answer, found.kind.probability
 
 
 def motion_words(touch: TouchEvent) -> str:
