@@ -130,19 +130,19 @@ def check_kind(path: Path, expected: str, *suffixes: str, hint: str = "") -> Non
                 raise DataFormatError(f"{kind} where {expected}{ending}{hint} is expected", path)
 
 
-def unknown_name(kind: str, name: str, known: Iterable[str]) -> str:
+def unknown_name(kind: str, name: str, known: Iterable[str], where: str = "") -> str:
     """What to say of a name that does not exist: the nearest one, and all that there are."""
     names = [str(one) for one in known]
     head = re.split(r" (?:(?:of|in|with|for|to|among|shown|here)\b|\()", kind, maxsplit=1)[0]
     if not names:
-        return f"no {kind} {name!r}; there are not any {_plural(head)}"
+        return f"no {kind} {name!r}{where}; there are not any {_plural(head)}"
     exist = f"the {_plural(head)} are: {', '.join(names)}"
     if len(names) == 1:
         exist = f"the only {head} is {names[0]}"
     lower = {one.lower(): one for one in names}
     near = difflib.get_close_matches(name.lower(), lower, n=1)
     meant = f"did you mean {lower[near[0]]!r}? {exist[0].upper()}{exist[1:]}" if near else exist
-    return f"no {kind} {name!r}; {meant}"
+    return f"no {kind} {name!r}{where}; {meant}"
 
 
 def _plural(noun: str) -> str:
@@ -164,14 +164,16 @@ class UnknownNameError(SkinError, LookupError):
         The name asked for.
     known : iterable of str
         The names that exist.
+    where : str, optional
+        Words behind the name: in what it does not exist.
     """
 
-    def __init__(self, kind: str, name: str, known: Iterable[str]) -> None:
-        self.kind, self.name, self.known = kind, name, tuple(known)
-        super().__init__(unknown_name(kind, name, self.known))
+    def __init__(self, kind: str, name: str, known: Iterable[str], where: str = "") -> None:
+        self.kind, self.name, self.known, self.where = kind, name, tuple(known), where
+        super().__init__(unknown_name(kind, name, self.known, where))
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return type(self), (self.kind, self.name, self.known)
+        return type(self), (self.kind, self.name, self.known, self.where)
 
 
 class DataFormatError(SkinError, ValueError):

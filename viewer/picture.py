@@ -15,6 +15,7 @@ from skinmap.errors import UnknownNameError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
+from skinmap.report.touch_figures import with_contacts
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.view_files import Wanted, write_files
@@ -67,7 +68,7 @@ def show(
         As `skinmap.load_robot` takes it.
     moments : Moment, TouchLoop or iterable of Moment, optional
         What is felt, pressures (n,) of 0 to 255 counts for each part; nothing by default. A
-        picture shows the one that tells most.
+        picture shows the one that tells most. Contacts of a moment made by hand are found.
     parts : sequence of str, optional
         Parts to show; those of the moments by default, else all.
     seconds : float, optional
@@ -110,6 +111,9 @@ def show(
     wanted = tuple(parts) if parts is not None else known or loaded.parts
     made = moments.skins if isinstance(moments, TouchLoop) else {}
     skins = {part: made.get(part) or PreparedSkin(loaded.skin(part)) for part in wanted}
+    if felt is not None and not isinstance(moments, TouchLoop):
+        looked = (with_contacts(one, skins) for one in felt)
+        felt = list(looked) if isinstance(felt, Sequence) else looked  # a list is read again
     session = _Given(loaded, wanted, skins=skins, given=felt or [_at_rest(skins)])
     if path is None or kind is None:
         scene = new_scene(session, Look(), size=SIZE, off_screen=False)

@@ -229,7 +229,7 @@ def _settle(
         found = in_question(found, questions)
         if not questions or not in_terminal():
             return found, questions
-        show([_heading(part, questions), _table(found)])
+        show([_heading(part, questions), _table(found), *_unread(found)])
         question = questions[0]
         names = list(dict.fromkeys(getattr(one, question) for one in found))
         known[question] = click.prompt(
@@ -260,7 +260,8 @@ def _warn(chosen: Candidate, table: TaxelTable, robot: Robot, stated: str | None
         )
     elif chosen.most_mm is not None and chosen.off > NEAR:
         warnings.warn(
-            f"{chosen.part}: {_standing(chosen)} of {chosen.link}: check units, link and frame",
+            f"{chosen.part}: taxels are {chosen.pitch_mm:.3g} mm apart, and one in five is over "
+            f"{chosen.most_mm:.3g} mm off the mesh of {chosen.link}: check units, link and frame",
             SkinWarning,
             stacklevel=2,
         )
@@ -295,7 +296,15 @@ def _size(lengths: list[float] | None) -> str:
 def _questions(result: NewQuestions) -> Iterator[str | Table]:
     for part, questions in result.unclear.items():
         yield _heading(part, questions)
-        yield _table([one for one in result.candidates if one.part == part])
+        found = [one for one in result.candidates if one.part == part]
+        yield _table(found)
+        yield from _unread(found)
+
+
+def _unread(found: Sequence[Candidate]) -> list[str]:
+    """A line for each link whose mesh cannot be read."""
+    missing = {one.link: one.unread for one in found if one.unread}
+    return [f"mesh of {link} cannot be read: {why}" for link, why in missing.items()]
 
 
 def _heading(part: str, questions: Sequence[str]) -> str:
@@ -317,7 +326,21 @@ def _open(result: NewQuestions) -> str:
                 f"the {question} of {', '.join(parts)}: give --{question} "
                 + "|".join(names[:SHOWN] + ["..."] * (len(names) > SHOWN))
             )
-    return f"the files leave open {' and '.join(told)}"
+    return f"{_misfits(result)}the files leave open {' and '.join(told)}"
+
+
+def _misfits(result: NewQuestions) -> str:
+    """The tables that lie far off every link whose mesh can be read, in the best unit asked for."""
+    words = ""
+    for part in result.unclear:
+        own = [one for one in result.candidates if one.part == part]
+        near = min(own, key=lambda one: one.off)
+        if near.most_mm is not None and near.off > NEAR:
+            words += (
+                f"{part} fits no mesh in {near.units}: the nearest, of {near.link}, is "
+                f"{near.most_mm:,.3g} mm off; "
+            )
+    return words
 
 
 def _lines(result: NewResult) -> Iterator[str | Table]:

@@ -238,6 +238,7 @@ def work(
     import numpy as np
 
     from skinmap.cli.collection import collect
+    from skinmap.errors import UnknownNameError
     from skinmap.io.output import staged_file
     from skinmap.neighbours.offsets import auto_radius
     from skinmap.neighbours.structures import RADIUS, usual_radius
@@ -251,8 +252,10 @@ def work(
     from skinmap.recognition.classifier_options import tuned_classifier
     from skinmap.recognition.evaluate import score
     from skinmap.recognition.few_shot import is_few, score_in_turn
-    from skinmap.recognition.model_file import save_classifier
+    from skinmap.recognition.model_file import SUFFIX, save_classifier
 
+    if output.suffix.lower() not in ("", SUFFIX):  # by which `classify` knows a model
+        raise UnknownNameError("format of models for files ending in", output.suffix, [SUFFIX])
     grouped = None if groups is None else read_groups(groups)
     said = () if motion is None else tuple(one.strip() for one in motion.split(","))
     knobs = _own_knobs(classifier, knobs)

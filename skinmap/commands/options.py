@@ -386,10 +386,15 @@ def open_robot(robot: str | None, parts: tuple[str, ...]) -> tuple[Robot, tuple[
     >>> open_robot("kaspar", ("torso", "torso"))[1]
     ('torso',)
     """
+    from skinmap.errors import UnknownNameError
+
     ctx = click.get_current_context(silent=True)
     said = _recorded_robot(ctx) if robot is None else robot
     loaded = named_robot(said or "icub")
     for part in parts:
+        if not said and part not in loaded.parts:
+            default = f" of {loaded.origin}, the default robot (--robot names another)"
+            raise UnknownNameError("part", part, loaded.parts, default)
         loaded.part(part)
     return loaded, tuple(dict.fromkeys(parts)) or loaded.parts
 
@@ -450,5 +455,6 @@ def _recorded_robot(ctx: click.Context | None) -> str:
             said = recorded_robot(path)
             if said.endswith(".toml") and not Path(said).is_file():
                 raise MissingFileError(said, f"the robot of {path}; name it with --robot")
-            return said
+            if said:  # a model may have the suffix of a text
+                return said
     return ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,11 +12,13 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import SkinMismatchError
 from skinmap.geometry.triangles import face_normals
+from skinmap.live.contacts.named_touch import UNNAMED, NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.report.page import plain_figure
 from skinmap.report.projection import draw_surface, mesh_views
 from skinmap.surface.surface_mesh import SurfaceMesh
-from skinmap.touch.contacts.skin_geometry import ACTIVE, Contacts
+from skinmap.touch.contacts.skin_geometry import ACTIVE, Contacts, find_contacts
+from skinmap.touch.prepared_skin import PreparedSkin
 
 PANEL = 3.4  # inches
 MOST = 4  # parts in a figure
@@ -30,21 +33,39 @@ def contacts_figure(contacts: Contacts) -> Any:
     return _figure([(mesh, contacts.pressures, labels, f"{mesh.skin.part}: {count}")])
 
 
+def with_contacts(moment: Moment, skins: Mapping[str, PreparedSkin]) -> Moment:
+    """The moment; one made by hand with its contacts as touches without a name."""
+    if moment.touches or moment.states:  # of a loop, which has looked
+        return moment
+    found = [
+        NamedTouch(part, one.taxels, one.centre, UNNAMED, np.nan, area=one.area,
+                   peak=one.peak, mean=one.mean, area_least=one.area_least)
+        for part, skin in skins.items() if part in moment.pressures
+        for one in find_contacts(skin.geometry, moment.pressures[part])
+    ]  # fmt: skip
+    return replace(moment, touches=tuple(found))
+
+
 def moment_figure(moment: Moment) -> Any:
     """Touched parts of a moment with the names of their touches; the most pressed without any."""
     if not moment.skins:
         raise SkinMismatchError("a moment without skins has no figure; a TouchLoop's moments do")
+    moment = with_contacts(moment, moment.skins)
     load: Mapping[str, float] = {k: float(v.sum()) for k, v in moment.pressures.items()}
     touched = {one.part for one in moment.touches}
     order = sorted(touched or load, key=lambda part: -load[part])[: MOST if touched else 1]
     rows = []
     for part in order:
         own = [one for one in moment.touches if one.part == part]
-        words = ", ".join(f"{one.label} {one.confidence:.0%}" for one in own) or "no touch"
+        words = ", ".join(map(_words, own)) or "no touch"
         labels = [(one.centre, one.label) for one in own]
         title = f"{part} at {moment.time:.2f} s: {words}"
         rows.append((moment.skins[part].mesh, moment.pressures[part], labels, title))
     return _figure(rows)
+
+
+def _words(touch: NamedTouch) -> str:
+    return touch.label + (f" {touch.confidence:.0%}" if touch.confidence >= 0.0 else "")
 
 
 def _figure(
@@ -69,11 +90,15 @@ def _figure(
         colours = np.where((felt > ACTIVE)[:, None], paint.to_rgba(felt), (0.9, 0.91, 0.92, 1.0))
         for axis, view in zip(line, seen, strict=False):
             draw_surface(axis, view, body, normals, colours)
+            middle = view.project(body.reshape(-1, 3))[:, 0].mean()
             for place, word in labels:
                 near = np.linalg.norm(body.mean(1) - place, axis=1).argmin()
                 if normals[near] @ view.out > 0.0:
                     x, y, _ = view.project(place)
-                    axis.annotate(word, (x, y), (9, 9), textcoords="offset points", fontsize=9,
+                    left = x > middle  # of the view: words run inwards, on a ground of their own
+                    axis.annotate(word, (x, y), (-9 if left else 9, 9), fontsize=9,
+                                  textcoords="offset points", ha="right" if left else "left",
+                                  bbox={"boxstyle": "round,pad=0.15", "fc": "white", "lw": 0.3},
                                   arrowprops={"arrowstyle": "-", "lw": 0.7})  # fmt: skip
             axis.set_aspect("equal")
             axis.autoscale_view()

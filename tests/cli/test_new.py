@@ -154,6 +154,26 @@ def test_links_that_fit_alike_end_in_one_line_and_their_candidates(tmp_path, as_
     assert (part["link"], part["units"]) == ("right", "mm")
 
 
+def test_a_mesh_that_is_not_there_is_named_and_its_link_is_still_in_question(tmp_path):
+    body = urdf(tmp_path / "bot.urdf", thin=0.02, wide=0.057)
+    lost = '<mesh filename="package://bot/lost.stl"/>'
+    text = body.read_text().replace('<cylinder radius="0.02" length="0.2"/>', lost)
+    body.write_text(text)
+    skin = table(tmp_path / "skin.csv", tube(0.05, 1e-3))
+    result = call(body, "--taxels", skin, "-o", tmp_path / "bot.toml")
+    assert result.exit_code == 2
+    assert "mesh of thin cannot be read: no file 'package://bot/lost.stl'" in result.stdout
+    assert "--link wide|thin" in result.stderr
+
+
+def test_a_unit_in_which_the_skin_lies_on_no_link_is_named(tmp_path):
+    body = urdf(tmp_path / "bot.urdf", left=0.05, right=0.05)
+    skin = table(tmp_path / "skin.csv", tube(0.05, 1e-3))
+    result = call(body, "--taxels", skin, "--units", "cm", "-o", tmp_path / "bot.toml")
+    assert result.exit_code == 2
+    assert "skin fits no mesh in cm: the nearest, of left, is" in result.stderr
+
+
 def test_a_body_without_meshes_leaves_units_open_that_fit_by_the_pitch(tmp_path):
     (tmp_path / "bot.urdf").write_text('<robot name="r"><link name="body"/></robot>')
     skin = table(tmp_path / "skin.csv", tube(0.05, 1e-2))
@@ -191,6 +211,11 @@ def test_a_stated_unit_is_taken_and_a_better_one_named(tmp_path):
     off = table(tmp_path / "off.csv", (tube(0.05) + [0, 0, 0.5]) / 1e-3)
     with pytest.warns(skinmap.SkinWarning, match="mm off the mesh of arm: check units, link"):
         made(body, "--taxels", off, "-o", tmp_path / "off.toml")
+    places = tube(0.05)
+    places[: len(places) // 3] += [0, 0, 0.5]  # most lie well: the warning names those that do not
+    some = table(tmp_path / "some.csv", places / 1e-3)
+    with pytest.warns(skinmap.SkinWarning, match=r"over \d{3} mm off the mesh of arm"):
+        made(body, "--taxels", some, "-o", tmp_path / "some.toml")
 
 
 def brick(path: Path) -> None:

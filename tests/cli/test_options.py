@@ -48,6 +48,15 @@ def test_a_recording_knows_its_robot(own, name, tmp_path):
     named = run("classify", model, own / name, "--json")
     assert named.exit_code == 0, named.exception
     assert json.loads(named.stdout)["events"] == len(recording.labels)
+    (tmp_path / "m.txt").write_bytes(model.read_bytes())  # holds no robot: the recording is asked
+    named = run("classify", tmp_path / "m.txt", own / name, "--json")
+    assert named.exit_code == 0, named.exception
+    error = str(run("classify", model, own / name, "--robot", "icub").exception)
+    assert "the recording has parts forearm; iCub has none of them: name its robot" in error
+    error = str(run("record", "sim", "--part", "forearm", "-o", tmp_path / "r.mcap").exception)
+    assert "no part 'forearm' of icub, the default robot (--robot names another)" in error
+    error = str(run("train", own / name, "-o", tmp_path / "new.txt").exception)
+    assert "the only format is .skinmodel" in error
     other = run("train", own / name, "-o", model, "--robot", "icub")
     assert isinstance(other.exception, skinmap.UnknownNameError)
     assert "no part 'forearm'" in str(other.exception)

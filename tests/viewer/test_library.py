@@ -64,3 +64,25 @@ def test_what_does_not_exist_is_answered_with_what_does(opengl, tmp_path):
         Scene.load("icub", ["left_hand"], links=(), layer="heat")
     with pytest.raises(SkinMismatchError, match=r"3 .*left_hand"):
         Scene.load("icub", ["left_hand"], links=(), healths={"left_hand": ["ok"] * 3})
+
+
+def test_a_moment_made_by_hand_shows_its_contacts(monkeypatch):
+    import skinmap
+    from skinmap.report.touch_figures import moment_figure
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    robot = skinmap.load_robot("kaspar")
+    skin = robot.skin("left_hand")
+    pressures = np.where(np.arange(len(skin)) < 3, 200.0, 0.0)
+    shown = []
+    monkeypatch.setattr("viewer.picture.write_files", lambda session, *_: shown.append(session))
+    skinmap.show(robot, Moment(0.0, {"left_hand": pressures}), path="hand.png")
+    (moment,) = shown[0].moments(None)
+    felt = np.concatenate([touch.taxels for touch in moment.touches])
+    assert sorted(felt) == [0, 1, 2]
+    prepared = {"left_hand": PreparedSkin(skin)}
+    figure = moment_figure(Moment(0.0, {"left_hand": pressures}, skins=prepared))
+    texts = [text.get_text() for axis in figure.axes for text in axis.texts]
+    (title,) = [text for text in texts if text.startswith("left_hand at")]
+    assert title.endswith(", ".join(["touch"] * len(moment.touches)))
+    assert "no touch" not in title

@@ -319,8 +319,13 @@ def name_recorded(
     loaded, wanted = open_robot(robot, parts)
     chosen = [one for one in recordings if one.part in wanted]
     if not chosen:
-        asked = parts[0] if parts else f"any of {loaded.name}"
-        raise UnknownNameError("recorded part", asked, [one.part for one in recordings])
+        known = [one.part for one in recordings]
+        if parts:
+            raise UnknownNameError("recorded part", parts[0], known)
+        raise SkinMismatchError(
+            f"the recording has parts {', '.join(known)}; {loaded.name} has none of them: name "
+            "its robot by --robot"
+        )
     skins = prepare_skins(loaded, chosen)
     check_model(classifier, skins, chosen)
     _note_lacks(classifier)

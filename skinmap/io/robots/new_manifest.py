@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -53,6 +52,8 @@ class Candidate:
         Distance of the taxels from the mesh, median; null without a mesh.
     most_mm
         Four of five taxels are nearer to the mesh; null without a mesh.
+    unread
+        Why the mesh of the link cannot be read; empty where it can, or where there is none.
     """
 
     part: str
@@ -63,6 +64,7 @@ class Candidate:
     link_mm: list[float] | None
     distance_mm: float | None
     most_mm: float | None
+    unread: str = ""
 
     @property
     def plausible(self) -> bool:
@@ -96,9 +98,11 @@ def candidates(
     rest = robot.body.poses({})
     found = []
     for link in links:
-        mesh = None
-        with suppress(SkinError):  # of another link than the part's, perhaps; `inspect` names it
+        mesh, unread = None, ""
+        try:
             mesh = robot.mesh(link)
+        except SkinError as error:  # of another link than the part's, perhaps
+            unread = str(error)
         mesh = mesh if mesh is not None and len(mesh.faces) else None
         # As when a manifest without `frame` is read.
         frames = [frame for frame in (link, link + DH_SUFFIX) if frame in rest]
@@ -121,6 +125,7 @@ def candidates(
                     link_mm=None if mesh is None else _millimetres(np.ptp(mesh.vertices, axis=0)),
                     distance_mm=None if off is None else 1e3 * float(np.median(off)),
                     most_mm=None if off is None else 1e3 * float(np.percentile(off, MOST)),
+                    unread=unread,
                 )
             )
     return sorted(found, key=lambda one: (not one.plausible, one.off))
@@ -146,14 +151,16 @@ def unclear(found: Sequence[Candidate]) -> list[str]:
     """Which of "units" and "link" candidates leave open; the first of them is the choice.
 
     Clear is what no other plausible candidate contradicts: where the skin lies on a link in the
-    first, others contradict that only where it lies about as near.
+    first, others contradict that only where it lies about as near, or may: where their mesh cannot
+    be read and the first is not close.
     """
     best = found[0]
     known, far = best.off <= NEAR, max(CLEARER * best.off, APART)
     rivals = [
         one
         for one in found
-        if (one.plausible or not best.plausible) and not (known and one.off >= far)
+        if ((one.plausible or not best.plausible) and not (known and one.off >= far))
+        or (one.unread and one.plausible and best.off > APART)
     ]
     return [
         question
