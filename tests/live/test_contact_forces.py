@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from skinmap.errors import SkinMismatchError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.contacts.contact_forces import SPREAD, ContactForce, PartForces
+from skinmap.live.response.loads import heaviest_load
 from skinmap.physics.spring_bed import spring_bed
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -122,6 +125,15 @@ def test_force_is_refused_above_the_range_and_without_pressure(sheet: PreparedSk
     assert exact(forces, np.zeros(225), np.arange(5)).refused == "too light for a force"
     with pytest.raises(SkinMismatchError, match="5 taxels are calibrated, the part has 225"):
         PartForces(sheet, np.ones(5, bool))
+
+
+def test_a_recorded_touch_that_leaves_the_range_is_refused(sheet: PreparedSkin) -> None:
+    forces, taxels = PartForces(sheet), np.isin(np.arange(225), [111, 112, 113])
+    bars = np.array([0.2, 1.8, np.nan, np.nan, 1.8])[:, None] * np.where(taxels, 1.0, 0.1)
+    model = SimpleNamespace(doubt=0.01)
+    ask = partial(heaviest_load, forces, model, (bars, bars - 0.1, bars + 0.1), taxels=taxels)
+    assert ask(rows=np.arange(5)).refused == "above the calibrated range"
+    assert ask(rows=np.arange(2)).force.value > 0.0
 
 
 def test_intervals_grow_with_what_taxels_share(sheet: PreparedSkin) -> None:

@@ -28,7 +28,7 @@ HELD = 0.3  # how strongly weights are held to plain areas
 # What lies between taxels: 90 % of the forces lie within this share of theirs, with the pressures
 # exact. Of touches by the tuned variants of MuJoCo; `evaluate --protocol force` judges by another.
 BETWEEN = 0.22
-TOO_LIGHT = "too light for a force"
+TOO_LIGHT, ABOVE = "too light for a force", "above the calibrated range"
 # Taxels above `HARD` and above `FELT` of the peak bound the covered skin. Of touches by the tuned
 # variants of MuJoCo on two parts 98 % cover more than `LESS` of the first and 94 % less than `MORE`
 # of the second; `evaluate --protocol force` judges by another variant on other parts.
@@ -195,7 +195,7 @@ class PartForces:
             return ContactForce.none("none of its taxels is calibrated")
         pressure = values[rows]
         if not np.isfinite(pressure).all():
-            return ContactForce.none("above the calibrated range")
+            return ContactForce.none(ABOVE)
         weight = np.maximum(self.weights[rows], 0.0)
         total = float(pressure @ self.weights[rows])
         if total <= 0.0 or pressure.max() <= 0.0:
