@@ -136,6 +136,24 @@ def test_a_recorded_touch_that_leaves_the_range_is_refused(sheet: PreparedSkin) 
     assert ask(rows=np.arange(2)).force.value > 0.0
 
 
+def test_a_broad_touch_is_felt_beyond_its_contact(sheet: PreparedSkin) -> None:
+    forces, n = PartForces(sheet), 225
+    away = np.linalg.norm(sheet.skin.positions - sheet.skin.positions[112], axis=1)
+    pressure = 4e4 * np.exp(-0.5 * (away / 12e-3) ** 2)
+    pushed = float(pressure @ forces.weights)
+    taxels = np.flatnonzero(pressure > 0.9 * pressure.max())  # few lie above the contact's counts
+    found = forces.contact(taxels, pressure, np.maximum(pressure - 7e3, 0), pressure + 7e3)
+    assert 0.85 * pushed < found.force.value < pushed < found.force.high
+    # Another touch behind a valley is left to its own contact.
+    beside = np.linalg.norm(sheet.skin.positions - sheet.skin.positions[116], axis=1) < 8e-3
+    lone = np.where(away < 8e-3, 1e4, 0.0)
+    both = forces.contact(np.flatnonzero(away < 8e-3), *[lone + np.where(beside, 9e3, 0.0)] * 3)
+    assert both.force.value < 1.1 * float(lone @ forces.weights)
+    faint = np.full(n, 1e3)  # all of it below its doubt
+    wide = forces.contact(np.array([112]), faint, np.zeros(n), faint + 7e3)
+    assert wide.refused == "too light for a force where it ends"
+
+
 def test_intervals_grow_with_what_taxels_share(sheet: PreparedSkin) -> None:
     forces, pressure = PartForces(sheet), np.full(225, 1e4)
     taxels = np.arange(80, 140)
