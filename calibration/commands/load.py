@@ -78,6 +78,14 @@ class LoadResult(Calibrated):
         Of a session's offset that all taxels share [bar].
     top_bar
         End of the calibrated range [bar].
+    top_n
+        Highest force of the evidence [N]; null for pressures.
+    rest_bar
+        What a reference reads while the skin rests, taken off, by recording [bar]; those that read
+        0 are left out.
+    uneven
+        Standard deviation of a taxel's pressure by uneven contact, as a share: masses and forces
+        give the mean over their channels.
     clocks
         A line or more for each recording.
     area_mm2
@@ -109,6 +117,9 @@ class LoadResult(Calibrated):
     error_bar: Spread
     doubt_bar: float
     top_bar: float
+    top_n: float | None
+    rest_bar: dict[str, float]
+    uneven: float
     clocks: list[ClockRow]
     area_mm2: float | None
     with_temperature: int | None
@@ -160,8 +171,9 @@ def work(
     """Fit the pressures of a skin."""
     from calibration.response.load_by_wrench import fit_wrench
     from calibration.response.load_fit import fit_load
-    from skinmap.io.recordings.load_evidence import PRINTS, read_evidence
+    from skinmap.io.recordings.load_evidence import FORCES, PRINTS, check_bar, read_evidence
     from skinmap.skin.skin import fingerprint
+    from skinmap.touch.load_calibration import UNEVEN
 
     held = [read_evidence(path) for path in evidence]
     counts = [one.samples.shape[1] for one in held]
@@ -185,9 +197,12 @@ def work(
         if pressed[0].thermal is not None:
             raise DataFormatError("a wrench is fitted without temperature_channel", evidence[0])
         fit = fit_wrench(pressed[0], skin, when=when, fingerprint=marks)
+        check_bar(float(fit.calibration.top.max()), loads[0][0].kind, loads[0][1])
     else:
         area = float("nan") if area_mm2 is None else area_mm2
         fit = fit_load(pressed, when=when, area_mm2=area, fingerprint=marks)
+        if all(one.kind in FORCES for one, _ in loads):
+            fit = replace(fit, calibration=replace(fit.calibration, uneven=UNEVEN))
     printed = [one for one in held if one.kind == PRINTS]
     prints = _printed(printed, fit.calibration, skin) if printed else None
     if prints is not None:
@@ -208,6 +223,11 @@ def work(
         error_bar=Spread.of(found.error[found.answered]),
         doubt_bar=found.doubt,
         top_bar=float(found.top.max()),
+        top_n=_top_newtons([one for one, _ in loads]),
+        rest_bar={
+            one.name: bar for one, bar in zip(pressed, fit.at_rest, strict=False) if bar != 0
+        },
+        uneven=found.uneven,
         clocks=[
             ClockRow(
                 recording=one.name,
@@ -230,6 +250,20 @@ def work(
     return result, fit, pressed
 
 
+def _top_newtons(loads: list[LoadEvidence]) -> float | None:
+    """The highest force of some recordings [N]."""
+    import numpy as np
+
+    from skinmap.io.recordings.load_evidence import PRESSURES
+
+    found = [one.reference for one in loads if one.kind not in PRESSURES]
+    sizes = [
+        one if one.ndim == 1 else np.linalg.norm((one - np.median(one, axis=0))[:, :3], axis=1)
+        for one in found
+    ]
+    return max((float(one.max()) for one in sizes), default=None)
+
+
 def _printed(held: list[LoadEvidence], calibration: LoadCalibration, skin: Skin | None) -> PrintFit:
     """Areas of contacts from prints."""
     from calibration.response.area_by_prints import fit_prints
@@ -242,7 +276,7 @@ def _printed(held: list[LoadEvidence], calibration: LoadCalibration, skin: Skin 
 def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
     """One file as a pressure on its channels."""
     from calibration.response.load_fit import Pressed
-    from skinmap.io.recordings.load_evidence import BAR, FORCES
+    from skinmap.io.recordings.load_evidence import BAR, FORCES, check_bar
 
     reference = one.on_nominal_rows()
     if one.kind in FORCES:
@@ -253,6 +287,7 @@ def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
             raise DataFormatError(f"{one.kind} needs --area-mm2, the area of a taxel", path)
         count = one.samples.shape[1] if one.channels is None else len(one.channels)
         reference = reference / (area_mm2 * 1e-6 * count) * BAR
+        check_bar(float(reference.max()), one.kind, path)
     return Pressed(one.name, one.samples, one.rate, reference, one.channels, one.thermal)
 
 
@@ -281,6 +316,12 @@ def _lines(result: LoadResult) -> Iterator[str]:
         f"{result.model}, running mean of {result.mean_s:g} s: error "
         f"{result.error_bar.median:.3f} bar (median, held out)"
     )
+    if result.top_n is not None:
+        yield f"highest force of the evidence: {result.top_n:.3g} N"
+    for name, bar in result.rest_bar.items():
+        yield f"{name} reads {bar:+.3g} bar while the skin rests: taken off"
+    if result.uneven:
+        yield f"uneven contact: a taxel's share of a force is known to {percent(result.uneven)} %"
     yield from (f"clock of {_clock(row)}" for row in result.clocks)
     if result.with_temperature is not None:
         yield f"rest follows the temperature of the module: {result.with_temperature} taxels"
@@ -330,7 +371,7 @@ def _picture(fit: LoadFit, one: Pressed) -> bytes:
         _errors(figure.subplots(), fit)
         return picture_bytes(figure)
     rows = one.samples[:DRAWN_ROWS]
-    wanted = reference_at(fit.clocks[0], one.reference, len(rows))
+    wanted = reference_at(fit.clocks[0], one.reference, len(rows)) - fit.at_rest[0]
     values, low, high = fit.calibration.pressures(rows, zero="none")
     own = fit.calibration.answered
     edges = np.linspace(np.nanmin(wanted), np.nanmax(wanted), DRAWN + 1)

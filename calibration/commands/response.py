@@ -15,6 +15,7 @@ from calibration.commands.results import Calibrated, Spread, judged
 from skinmap.commands.options import prints
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.rows import percent
 
 if TYPE_CHECKING:
     from calibration.response.response import ResponseCalibration
@@ -45,6 +46,9 @@ class ResponseResult(Calibrated):
         Deviation that is a touch [counts].
     gain
         Whether load curves were found.
+    explained
+        Share of the answers under load that the curves explain, median of the taxels that answer;
+        null without any.
     rate
         Samples a second at which drift is followed.
     fingerprint
@@ -62,6 +66,7 @@ class ResponseResult(Calibrated):
     noise: Spread
     threshold: Spread
     gain: bool
+    explained: float | None
     rate: float
     fingerprint: str
     seconds: float
@@ -70,7 +75,8 @@ class ResponseResult(Calibrated):
 
 @click.command("response")
 @click.argument("rest", type=FILE)
-@click.option("--reference", type=FILE, help="Samples under known loads: .npz `samples, loads`.")
+@click.option("--reference", type=FILE, help="Samples and known loads (t, n) of the same moments: "
+              ".npz `samples, loads`. Pressures get the unit of the loads.")  # fmt: skip
 @skin_options
 @outputs("response.npz and the report")
 @retired(
@@ -111,7 +117,7 @@ def work(
     import numpy as np
 
     from calibration.files.mount_files import rate_of, read_samples, sign_of
-    from calibration.response.gain import ReferenceLoads
+    from calibration.response.gain import ReferenceLoads, explained
     from calibration.response.response import RATE, Health, ResponseCalibration
     from skinmap.skin.skin import fingerprint
 
@@ -136,6 +142,10 @@ def work(
     health = {str(state): int((found.health == state).sum()) for state in Health}
     bad = [state for state in Health if state not in (Health.OK, Health.NEVER_TOUCHED)]
     unfit = np.isin(found.health, bad)
+    share = None
+    if loads is not None and found.gain is not None and (found.health == Health.OK).any():
+        each = explained(found.gain, loads, found.baseline, found.sign)
+        share = float(np.nanmedian(each[found.health == Health.OK]))
     reasons = []
     if unfit.mean() > MAX_UNFIT:
         words = ", ".join(f"{health[state]} {state}" for state in bad if health[state])
@@ -150,6 +160,7 @@ def work(
         noise=Spread.of(found.noise),
         threshold=Spread.of(found.threshold),
         gain=found.gain is not None,
+        explained=share,
         rate=found.rate,
         fingerprint=marks,
         seconds=seconds,
@@ -184,3 +195,5 @@ def _lines(result: ResponseResult) -> Iterator[str]:
     yield from judged(result)
     states = ", ".join(f"{count} {state}" for state, count in result.health.items() if count)
     yield f"{result.channels} channels: {states}"
+    if result.explained is not None:
+        yield f"curves explain {percent(result.explained)} % of the answers under load"

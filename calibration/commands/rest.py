@@ -92,6 +92,7 @@ def work(
     from dataclasses import replace
 
     from skinmap.io.output import staged_file
+    from skinmap.live.response.loads import REST_FAR
     from skinmap.touch.load_calibration import FILE, LoadCalibration
 
     found = LoadCalibration.read(model)
@@ -105,10 +106,16 @@ def work(
         shift, count = found.zero_at(samples, now).shift, len(samples)
     if zero == "none":
         shift = np.zeros(len(found))
+    own = found.answered
+    far = abs(float(np.median((shift / found.span)[own])))
+    if far > REST_FAR:
+        raise InvalidArrayError(
+            f"{source}: the rest lies {100 * far:.0f} % of the calibrated range off that of the "
+            f"evidence, at most {100 * REST_FAR:.0f} % are a rest: does something press?"
+        )
     file = model / FILE if model.is_dir() else model
     with staged_file(file) as stage:
         stage.write_bytes(replace(found, shift=shift, zeroed=now).to_bytes())
-    own = found.answered
     return RestResult(
         channels=len(found),
         samples=count,

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.signal import correlate
 
 from skinmap.arrays import BoolArray, FloatArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError
 
 KNOTS = 8
+STANDS = 0.2  # of a load, that it moves by at most while it stands still
+ALIKE = 0.9  # correlation of loads and answers that are the same but late
 FEWEST = 6  # samples of a branch that a curve is fitted to
 
 
@@ -31,6 +34,8 @@ class ReferenceLoads:
     def __post_init__(self) -> None:
         samples = check_finite(self.samples, "reference samples", (None, None))
         loads = check_finite(self.loads, "reference loads", (len(samples), samples.shape[1]))
+        if not len(samples):
+            raise InvalidArrayError("the reference has no samples")
         if (loads < 0).any():
             raise InvalidArrayError(f"loads must not be negative, got {loads.min()}")
         freeze(self, samples=samples, loads=loads)
@@ -164,6 +169,32 @@ def fit_gain(reference: ReferenceLoads, baseline: FloatArray, sign: int) -> Gain
         push, release = counts[taxel]
         counts[taxel] = np.where(np.isnan(counts[taxel]), np.stack([release, push]), counts[taxel])
     return Gain(knots, counts)
+
+
+def explained(gain: Gain, reference: ReferenceLoads, baseline: FloatArray, sign: int) -> FloatArray:
+    """Share of the answers of each taxel (n,) that its curve explains; NaN without a curve."""
+    answer = sign * (reference.samples - baseline)
+    falling = _falling(reference.loads)
+    found = np.full(answer.shape[1], np.nan)
+    for taxel in np.flatnonzero(np.isfinite(gain.counts).all(axis=(1, 2))):
+        rows = reference.loads[:, taxel] > 0  # foam creeps back after them
+        load, own = reference.loads[rows, taxel], answer[rows, taxel]
+        push, release = (np.interp(load, gain.knots, one) for one in gain.counts[taxel])
+        left = own - np.where(falling[rows, taxel], release, push)
+        # One load that stands still teaches as well: its answer counts from rest.
+        whole = own - own.mean() if np.ptp(load) > STANDS * load.max() else own
+        found[taxel] = 1.0 - (left @ left) / max(float(whole @ whole), 1e-12)
+    return found
+
+
+def lag_of(reference: ReferenceLoads, baseline: FloatArray, sign: int) -> int:
+    """Rows that the loads come after the answers at which both look alike; 0 without such."""
+    answer = (sign * (reference.samples - baseline)).mean(axis=1)
+    load = reference.loads.mean(axis=1)
+    load, answer = load - load.mean(), answer - answer.mean()
+    together = correlate(load, answer)
+    alike = together.max() > ALIKE * np.sqrt((load @ load) * (answer @ answer))
+    return int(together.argmax()) - len(load) + 1 if alike else 0
 
 
 def _falling(loads: FloatArray) -> BoolArray:

@@ -8,7 +8,7 @@ the shape that all share, scaled to it, takes that.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.optimize import nnls
@@ -18,6 +18,7 @@ from skinmap.clock_lines import UNEXPLAINED, ClockLine, align, following, refere
 from skinmap.errors import InvalidArrayError
 from skinmap.memory_features import FEATURES, MEAN_SECONDS, RADII, MemoryState
 from skinmap.touch.load_calibration import (
+    REST_CALM,
     REST_DOUBT,
     REST_SECONDS,
     SHRINK,
@@ -37,6 +38,7 @@ FOLDS = 5  # stretches of a recording of which each is held out
 LEAST_SPAN = 3.0  # counts from rest to the top: below it a taxel tells too little
 LEAST_SPREAD = 0.5  # counts: below it a taxel is dead
 AT_REST = 0.05  # share of the range of a load that a reference may stand off at rest
+SEEN_AT_REST = 0.02  # of it, that is not taken off: noise and creep
 WARMER = 0.8  # of the square of what rest wanders, that may be left with a temperature
 FULL_ROWS, FULL_RANGE = 0.1, 0.3  # a taxel is saturated that stands still at its end in so many
 # rows while the load goes through so much of its range
@@ -105,6 +107,8 @@ class LoadFit:
         Taxels that never moved, and that did not follow the skin.
     shared : int
         Taxels that took the shape of all.
+    at_rest : list of float
+        What the reference of each file read while the skin rested, taken off [bar].
     """
 
     calibration: LoadCalibration
@@ -113,6 +117,7 @@ class LoadFit:
     dead: list[int]
     stray: list[int]
     shared: int
+    at_rest: list[float] = field(default_factory=list)
 
 
 def fit_load(
@@ -152,7 +157,8 @@ def fit_load(
     Raises
     ------
     InvalidArrayError
-        Clocks that do not align, no taxel that follows, or recordings that contradict each other.
+        Clocks that do not align, no taxel that follows, a reference that is not zero at rest, or
+        recordings that contradict each other.
     """
     first = evidence[0]
     n = first.samples.shape[1]
@@ -176,9 +182,13 @@ def fit_load(
     if warmth is not None:
         told[np.unique(warmth.channel[warmth.channel >= 0])] = False
     rest, span, recovery, rested = np.zeros(n), np.ones(n), np.zeros(n), False
-    shifts, known = [], np.zeros(n, bool)
+    shifts, at_rest, known = [], [], np.zeros(n, bool)
     for one, reference in zip(evidence, wanted, strict=True):
-        own_rest, own_span, own_recovery, begins = _scales(one, reference, told & _felt(one, n))
+        own_rest, own_span, own_recovery, begins, stood = _scales(
+            one, reference, told & _felt(one, n)
+        )
+        at_rest.append(stood)
+        reference -= stood
         rested |= begins
         told &= ~_saturated(one, reference, told & _felt(one, n))
         turned = told & known & _felt(one, n)
@@ -210,6 +220,7 @@ def fit_load(
         top=np.nanmax([np.nanmax(one) for one in wanted]), rested=rested, rate=first.rate,
         when=when, area_mm2=area_mm2, fingerprint=fingerprint, mean_s=mean_s,
     )  # fmt: skip
+    fit = replace(fit, at_rest=at_rest)
     if warmth is None:
         return fit
     stray = sorted({*fit.stray} - {*warmth.channel.tolist()})
@@ -314,8 +325,11 @@ def _saturated(one: Pressed, reference: FloatArray, told: BoolArray) -> BoolArra
 
 def _scales(
     one: Pressed, reference: FloatArray, told: BoolArray
-) -> tuple[FloatArray, FloatArray, FloatArray, bool]:
-    """Rest before load, signed span and recovery of each channel [counts]; whether it was seen."""
+) -> tuple[FloatArray, FloatArray, FloatArray, bool, float]:
+    """Rest before load, signed span and recovery of each channel [counts]; whether it was seen.
+
+    The last is what the reference reads at rest [bar].
+    """
     every = max(EVERY, len(reference) // MOST_ROWS)
     few, known = one.samples[::every], reference[::every]
     good = np.isfinite(known)
@@ -325,7 +339,7 @@ def _scales(
     rest, loaded = np.median(few[idle], axis=0), np.median(few[full], axis=0)
     sign = np.where(loaded < rest, -1.0, 1.0)
     ends = np.percentile(few, (0.1, 99.9), axis=0)
-    before = after = None
+    before, after, stood = None, None, 0.0
     if told.any():
         width = np.maximum(np.abs(loaded - rest), 1.0) * sign
         level = skin_level(one.samples, told, rest, width)
@@ -338,6 +352,7 @@ def _scales(
         )
         before = None if np.isfinite(first) and first > held else before
         after = None if np.isfinite(last) and last > held else after
+        stood = _stood(one.name, reference, level, (before is not None, after is not None), edge)
     recovery = np.zeros(len(rest))
     if before is not None:
         rest = before
@@ -346,7 +361,38 @@ def _scales(
             if np.median((recovery * sign)[told]) < 0.0:  # no foam rises above its rest: it moved
                 rest, recovery = rest + recovery / 2.0, np.zeros(len(rest))
     span = np.where(sign < 0, ends[0], ends[1]) - rest
-    return rest, np.where(span * sign > 0, span, sign), recovery, before is not None
+    return rest, np.where(span * sign > 0, span, sign), recovery, before is not None, stood
+
+
+def _stood(
+    name: str, reference: FloatArray, level: FloatArray, rests: tuple[bool, bool], edge: int
+) -> float:
+    """What a reference reads [bar] while the skin rests before load, else after it.
+
+    0 where neither is seen, or where it is as good as zero.
+    """
+    known = np.flatnonzero(np.isfinite(reference))
+    wide = float(np.ptp(reference[known]))
+    ends = [(known[:edge], level[:edge]), (known[-edge:], level[-edge:])]
+    reads = [float(np.median(reference[rows])) for rows, _ in ends]
+    if min(reads) > np.quantile(reference[known], 0.98) - AT_REST * wide:
+        raise InvalidArrayError(
+            f"{name}: the reference begins and ends at its highest, {max(reads):.3g} bar: does it "
+            "fall under load? A recording begins and ends with rest, which reads 0"
+        )
+    calm = (
+        read
+        for seen, (rows, own), read in zip(rests, ends, reads, strict=True)
+        if seen and abs(np.median(level[rows]) - np.median(own)) < REST_CALM
+    )
+    found = next(calm, 0.0)
+    if abs(found) > AT_REST * wide:
+        raise InvalidArrayError(
+            f"{name}: the reference reads {found:.3g} bar while the skin rests, "
+            f"{100 * abs(found) / wide:.0f} % of its range: an absolute pressure, no tare, or the "
+            "other sign?"
+        )
+    return found if abs(found) > SEEN_AT_REST * wide else 0.0
 
 
 def _sums(

@@ -9,7 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from calibration.response.gain import BranchFollower, Gain, ReferenceLoads, fit_gain
+from calibration.response.gain import (
+    BranchFollower,
+    Gain,
+    ReferenceLoads,
+    explained,
+    fit_gain,
+    lag_of,
+)
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.summary import Summary
@@ -20,6 +27,12 @@ MARGIN = 4.0  # counts above the noise's 95th percentile that make a touch
 LEAST_NOISE = 0.3  # counts: quantisation alone has a deviation of 1 / sqrt(12)
 NOISY = 5.0  # times the median noise of the skin
 RANGE = (0.0, 255.0)
+RATES = (1.0, 1e4)  # samples a second: beyond them times are in another unit
+VOLTS, STILL = 10.0, 0.1  # fractions that stay below, with less noise than this, are no counts
+RESTLESS = 5.0  # times the noise of a taxel: at rest it moves further in 5 % of samples at most
+COMMON = 4.0 * MARGIN  # counts that all taxels move together at rest at most
+TOUCHED = 0.2  # share of restless taxels at which the skin did not rest
+EXPLAINED = 0.75  # of the answers under load, that the curves of half of the taxels must explain
 FREE = 2.5  # time constant of a free baseline [s]: a press rises quicker than drift by far
 RELEASED = 0.25  # of a touch's height: a fall below it is the end of the touch
 SETTLING = 0.5  # time constant after a release, while the reading may still creep [s]
@@ -160,7 +173,9 @@ class ResponseCalibration(Summary):
         ------
         InvalidArrayError
             NaN (names the row), fewer than a second of samples, another number of taxels under
-            load than at rest, samples far beyond 0 to 255, or a sign that most taxels contradict.
+            load than at rest, samples far beyond 0 to 255 or in volts, a rate beyond 1 to 10,000,
+            a sign that most taxels contradict, a skin that was touched at rest, or loads that do
+            not explain the samples.
         """
         samples = check_finite(rest, "rest", (None, None))
         if len(samples) < FEWEST:
@@ -176,6 +191,14 @@ class ResponseCalibration(Summary):
             raise InvalidArrayError(
                 f"samples reach {highest:g}; raw values are {RANGE[0]:g} to {RANGE[1]:g} counts"
             )
+        if rate > 0 and not RATES[0] <= rate <= RATES[1]:
+            raise InvalidArrayError(f"{rate:g} samples a second: are `times` in seconds?")
+        quiet = reference is not None or np.median(samples.std(axis=0)) < STILL
+        if highest < VOLTS and quiet and (samples != np.rint(samples)).any():
+            raise InvalidArrayError(
+                f"samples reach {highest:.2g} in fractions: are they volts? raw values are "
+                f"{RANGE[0]:g} to {RANGE[1]:g} counts"
+            )
         baseline = np.median(samples, axis=0)
         if reference is not None:
             _check_sign(reference, baseline, sign)
@@ -184,13 +207,19 @@ class ResponseCalibration(Summary):
         # Whole counts: a median deviation of zero hides noise below half a count.
         noise = np.maximum(noise, np.minimum(samples.std(axis=0), LEAST_NOISE))
         threshold = np.percentile(deviation, 95, axis=0) + MARGIN
+        _check_rest(deviation, noise)
+        health = _health(samples, baseline, noise, threshold, reference, sign)
+        gain = None
+        if reference is not None:
+            gain = fit_gain(reference, baseline, sign)
+            _check_gain(gain, reference, baseline, sign, health == Health.OK)
         return cls(
             baseline,
             noise,
             threshold,
             sign,
-            _health(samples, baseline, noise, threshold, reference, sign),
-            None if reference is None else fit_gain(reference, baseline, sign),
+            health,
+            gain,
             float(rate),
             fingerprint,
             None if modules is None else np.asarray(modules, np.int64),
@@ -280,6 +309,35 @@ def _check_sign(reference: ReferenceLoads, baseline: FloatArray, sign: int) -> N
             f"{int(wrong.sum())} of {int(loaded.sum())} loaded channels "
             f"{'fall' if sign > 0 else 'rise'} under load: `sign` must be {-sign}, one number for "
             "all channels"
+        )
+
+
+def _check_rest(deviation: FloatArray, noise: FloatArray) -> None:
+    """Refuse samples (t, n) off the baseline [counts] of a skin that did not rest."""
+    away = np.percentile(np.abs(deviation), 95, axis=0)
+    restless = (away > RESTLESS * noise) & (away > 2.0 * MARGIN)
+    common = float(np.ptp(np.percentile(np.median(deviation, axis=1), (5, 95))))
+    if restless.mean() > TOUCHED or common > COMMON:
+        raise InvalidArrayError(
+            f"rest was touched: {int(restless.sum())} of {len(noise)} channels jump, all together "
+            f"by {common:.0f} counts; thresholds from it would miss touches"
+        )
+
+
+def _check_gain(
+    gain: Gain, reference: ReferenceLoads, baseline: FloatArray, sign: int, answer: BoolArray
+) -> None:
+    """Refuse loads that teach no curve, or that do not go with the samples."""
+    share = explained(gain, reference, baseline, sign)
+    if np.isnan(share).all():
+        raise InvalidArrayError("no channel has six samples under load: the reference has no curve")
+    share = share[answer & np.isfinite(share)]
+    if len(share) and np.median(share) < EXPLAINED:
+        late = lag_of(reference, baseline, sign)
+        words = f"; the loads come {late:+d} rows after the samples" if abs(late) > 2 else ""
+        raise InvalidArrayError(
+            f"the loads explain {100 * max(float(np.median(share)), 0):.0f} % of the samples under "
+            f"load, {100 * EXPLAINED:.0f} % are needed: rows of both must be of one moment{words}"
         )
 
 

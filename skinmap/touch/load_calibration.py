@@ -39,6 +39,7 @@ GAIN_SD = 0.037  # of a taxel between sessions: six of one insole differ so
 REST_DOUBT = 0.65  # counts that a zero differs between sessions at least, by seven of one insole
 AFTER_DOUBT = 1.1  # counts that rest after load, less its usual recovery, differs from rest before
 UNSEEN_DOUBT = 0.5  # counts more where a recording shows no rest before load
+UNEVEN = 0.2  # of a taxel's pressure, where only the mean over several is known
 GAIN_BAR = 0.15  # values that a taxel still answers whose gain a session proved wrong
 WANDER_BAR = 0.3  # of a taxel's rest within a session, above which it is not answered
 # A contact whose pressure falls off as that of two round bodies covers 9/8 of the square of the
@@ -135,6 +136,9 @@ class LoadCalibration:
         Areas as prints teach them; None without any.
     warmth : Warmth or None
         Effect of the temperatures of modules; None where they are not known.
+    uneven : float
+        Standard deviation of a taxel's gain by contact that was not even: `UNEVEN` where masses or
+        forces gave the mean over several taxels, else 0.
     """
 
     weights: FloatArray
@@ -153,6 +157,7 @@ class LoadCalibration:
     mean_s: float = MEAN_SECONDS
     covering: Covering | None = None
     warmth: Warmth | None = None
+    uneven: float = 0.0
 
     def __post_init__(self) -> None:
         n = len(self.rest)
@@ -198,7 +203,8 @@ class LoadCalibration:
             raise MissingFileError(path, "a calibration made by `skinmap calibrate load -o`")
         try:
             with open_arrays(path) as arrays:
-                head = {"mean_s": MEAN_SECONDS} | json.loads(arrays["head"].tobytes())
+                head = json.loads(arrays["head"].tobytes())
+                head = {"mean_s": MEAN_SECONDS, "uneven": 0.0} | head
                 if head["format"] != FORMAT:
                     raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
                 held: dict[str, Any] = {
@@ -369,7 +375,7 @@ class LoadCalibration:
 ARRAYS = ("weights", "rest", "span", "recovery", "top", "error", "shift")
 HEAD: dict[str, Any] = {
     "doubt": float, "rate": float, "model": str, "zeroed": float, "area_mm2": float,
-    "fingerprint": str, "mean_s": float,
+    "fingerprint": str, "mean_s": float, "uneven": float,
 }  # fmt: skip
 
 
@@ -442,7 +448,8 @@ class LoadStream:
         model, wander = self._calibration, self.session.wander
         usual = WANDER * np.abs(model.top / model.span)
         own = np.where(np.isfinite(wander), np.maximum(wander, usual), usual)
-        total = model.error**2 + self.session.shared**2 + own**2 + (GAIN_SD * values) ** 2
+        gain = np.hypot(GAIN_SD, model.uneven)
+        total = model.error**2 + self.session.shared**2 + own**2 + (gain * values) ** 2
         return np.asarray(np.sqrt(total))
 
 

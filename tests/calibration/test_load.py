@@ -285,9 +285,42 @@ def test_a_mass_on_its_footprint_is_a_pressure(files, tmp_path):
     np.testing.assert_array_equal(np.flatnonzero(own), held)
 
 
+@pytest.mark.parametrize("scale", [102.0, 1000.0], ids=["grams", "millinewtons"])
+def test_forces_that_no_skin_feels_are_in_another_unit(files, tmp_path, scale):
+    force = scale * chamber(1)[1] * 1e5 * 30e-6 * N
+    file = files("f.npz", drop=("pressure_bar",), force_n=force, channels=np.arange(N))
+    words = ("calibrate", "load", file, "-o", tmp_path / "out", "--area-mm2", 30)
+    assert "1 kg is 9.81 N, 1 N is 1000 mN" in refused(*words)
+
+
+def test_a_load_cell_reads_zero_at_rest_and_its_contact_is_uneven(files, tmp_path):
+    force = chamber(1)[1] * 1e5 * 30e-6 * N  # to 216 N
+    words = ("calibrate", "load", tmp_path / "f.npz", "-o", tmp_path / "out", "--area-mm2", 30)
+    for shown, told in ((force + 22, "10 % of its range"), (force - 22, "while the skin rests"),
+                        (216 - force, "fall under load")):  # fmt: skip
+        files("f.npz", drop=("pressure_bar",), force_n=shown, channels=np.arange(N))
+        assert told in refused(*words)
+    files("f.npz", drop=("pressure_bar",), force_n=force + 6, channels=np.arange(N))
+    found = json.loads(run(*words, "--json").stdout)
+    assert found["rest_bar"] == pytest.approx({"f.npz": 6 / 72}, abs=1e-5)
+    assert found["top_bar"] == pytest.approx(3.0, abs=0.01)
+    assert found["top_n"] == pytest.approx(222.0)
+    # A pad that presses unevenly: the interval of a single taxel holds it.
+    found = LoadCalibration.read(tmp_path / "out").pressures(chamber(1)[0])
+    value, low, high = (one[:, 0][found[0][:, 0] > 2.0] for one in found)
+    assert np.median((high - low) / value) == pytest.approx(2 * 1.645 * 0.2, rel=0.1)
+
+
 @pytest.mark.parametrize(
     ("arrays", "drop", "words"),
     [
+        ({"pressure_bar": chamber(1)[1] + 1.013}, (), "an absolute pressure"),
+        ({"times": 20.0 * np.arange(9000)}, (), "0.05 samples a second"),
+        (
+            {"times": 2e-4 * np.arange(2000), "samples": chamber(1)[0][:2000]},
+            (),
+            "too short for rest",
+        ),
         ({"pressure_bar": np.full(9000, 1.0)}, (), "never moves"),
         ({"pressure_bar": np.zeros(0)}, (), "pressure_bar is empty"),
         ({"pressure_bar": chamber(1)[1] * 1e5}, (), "reaches 3e+05 bar"),
@@ -415,6 +448,13 @@ def test_a_recording_of_ours_renews_the_rest(files, tmp_path):
     file.close()
     words = ("calibrate", "rest", tmp_path / "rest.mcap", "-o", tmp_path / "out")
     assert json.loads(run(*words, "--json").stdout)["samples"] == 300
+    # A hand that lies on all of the skin is no rest.
+    files("pressed.npz", samples=chamber(2, shift=1.2)[0][:300], times=np.arange(300) / RATE,
+          drop=("pressure_bar",))  # fmt: skip
+    kept = (tmp_path / "out" / "load.npz").read_bytes()
+    line = refused("calibrate", "rest", tmp_path / "pressed.npz", "-o", tmp_path / "out")
+    assert "at most 12 % are a rest" in line
+    assert (tmp_path / "out" / "load.npz").read_bytes() == kept
 
 
 def slots(seed, warmer, *, wander=True):

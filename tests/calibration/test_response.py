@@ -321,6 +321,42 @@ def test_a_sign_that_the_loads_contradict_is_refused(rng):
     assert (found.health == Health.OK).all()
 
 
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda samples, loads: (samples, np.roll(loads, 60, axis=0)), r"come \+60 rows after"),
+        (lambda samples, loads: (samples, np.ones_like(loads)), "explain"),
+        (lambda samples, loads: (samples[:1], loads[:1]), "six samples under load"),
+        (lambda samples, loads: (samples[:0], loads[:0]), "has no samples"),
+    ],
+)
+def test_loads_that_do_not_go_with_the_samples_are_refused(rng, change, words):
+    load = np.convolve(np.repeat(rng.uniform(0, 10, 40), 30), np.ones(15) / 15, "same")[:, None]
+    samples, loads = 20 + load * np.full(20, 9.0), load * np.ones(20)
+    assert ResponseCalibration.fit(at_rest(rng), ReferenceLoads(samples, loads)).gain is not None
+    with pytest.raises(InvalidArrayError, match=words):
+        ResponseCalibration.fit(at_rest(rng), ReferenceLoads(*change(samples, loads)))
+
+
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.8])
+def test_a_touched_skin_does_not_rest(rng, share):
+    rest = at_rest(rng)
+    rows = np.arange(int(share * len(rest)))
+    rest[rows] += 60 * np.sin(rows / 9)[:, None] ** 2
+    with pytest.raises(InvalidArrayError, match="rest was touched"):
+        ResponseCalibration.fit(rest)
+
+
+def test_volts_and_milliseconds_are_refused(rng):
+    rest = at_rest(rng)
+    with pytest.raises(InvalidArrayError, match="are they volts"):
+        ResponseCalibration.fit(rest / 255 * 3.3)
+    with pytest.raises(InvalidArrayError, match="are `times` in seconds"):
+        ResponseCalibration.fit(rest, rate=0.05)
+    averaged = rest.reshape(100, 5, 20).mean(axis=1) - 20.0  # of a skin that rests near zero
+    assert (ResponseCalibration.fit(averaged).health == Health.NEVER_TOUCHED).all()
+
+
 def test_values_of_twelve_bits_are_no_counts(rng):
     with pytest.raises(InvalidArrayError, match="raw values are 0 to 255 counts"):
         ResponseCalibration.fit(16.0 * at_rest(rng, base=100.0))

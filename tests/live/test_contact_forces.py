@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ import pytest
 from skinmap.errors import SkinMismatchError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.contacts.contact_forces import SPREAD, ContactForce, PartForces
+from skinmap.live.response.loads import heaviest_load
 from skinmap.physics.spring_bed import spring_bed
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -122,6 +125,33 @@ def test_force_is_refused_above_the_range_and_without_pressure(sheet: PreparedSk
     assert exact(forces, np.zeros(225), np.arange(5)).refused == "too light for a force"
     with pytest.raises(SkinMismatchError, match="5 taxels are calibrated, the part has 225"):
         PartForces(sheet, np.ones(5, bool))
+
+
+def test_a_recorded_touch_that_leaves_the_range_is_refused(sheet: PreparedSkin) -> None:
+    forces, taxels = PartForces(sheet), np.isin(np.arange(225), [111, 112, 113])
+    bars = np.array([0.2, 1.8, np.nan, np.nan, 1.8])[:, None] * np.where(taxels, 1.0, 0.1)
+    model = SimpleNamespace(doubt=0.01)
+    ask = partial(heaviest_load, forces, model, (bars, bars - 0.1, bars + 0.1), taxels=taxels)
+    assert ask(rows=np.arange(5)).refused == "above the calibrated range"
+    assert ask(rows=np.arange(2)).force.value > 0.0
+
+
+def test_a_broad_touch_is_felt_beyond_its_contact(sheet: PreparedSkin) -> None:
+    forces, n = PartForces(sheet), 225
+    away = np.linalg.norm(sheet.skin.positions - sheet.skin.positions[112], axis=1)
+    pressure = 4e4 * np.exp(-0.5 * (away / 12e-3) ** 2)
+    pushed = float(pressure @ forces.weights)
+    taxels = np.flatnonzero(pressure > 0.9 * pressure.max())  # few lie above the contact's counts
+    found = forces.contact(taxels, pressure, np.maximum(pressure - 7e3, 0), pressure + 7e3)
+    assert 0.85 * pushed < found.force.value < pushed < found.force.high
+    # Another touch behind a valley is left to its own contact.
+    beside = np.linalg.norm(sheet.skin.positions - sheet.skin.positions[116], axis=1) < 8e-3
+    lone = np.where(away < 8e-3, 1e4, 0.0)
+    both = forces.contact(np.flatnonzero(away < 8e-3), *[lone + np.where(beside, 9e3, 0.0)] * 3)
+    assert both.force.value < 1.1 * float(lone @ forces.weights)
+    faint = np.full(n, 1e3)  # all of it below its doubt
+    wide = forces.contact(np.array([112]), faint, np.zeros(n), faint + 7e3)
+    assert wide.refused == "too light for a force where it ends"
 
 
 def test_intervals_grow_with_what_taxels_share(sheet: PreparedSkin) -> None:

@@ -30,6 +30,8 @@ ARRAYS = {f"std_msgs/{number}MultiArray" for number in NUMBERS}  # messages of s
 ABSOLUTE = 5e4  # [Pa]: a pressure that never falls below it is not one above the atmosphere's
 MAX_BAR = 20.0  # above it the unit is wrong: foams of skins are flat by then
 MIN_BAR = 5e-4  # below it, too: a hundredth of a finger's touch
+LEAST_RATE, MOST_RATE = 1.0, 1e4  # samples a second: beyond them times are in another unit
+LEAST_SECONDS = 0.5  # of samples beside a load: rest and a press take longer
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -119,6 +121,9 @@ def read_evidence(path: Path, *, needed: bool = True) -> LoadEvidence:
         raise DataFormatError(
             "more than half of the times repeat: they need parts of a second", path
         )
+    rate = 1.0 / float(np.median(np.diff(times)))
+    if not LEAST_RATE <= rate <= MOST_RATE:
+        raise DataFormatError(f"times give {rate:.2g} samples a second: they are seconds", path)
     kind = _kind(held, path, needed)
     try:
         if kind:
@@ -138,6 +143,8 @@ def _with_reference(
 ) -> LoadEvidence:
     if kind == PRINTS:
         return _prints(held, samples, times, path)
+    if times[-1] - times[0] < LEAST_SECONDS:
+        raise DataFormatError(f"{len(times)} samples are too short for rest and a load", path)
     if kind == WRENCH:
         reference = _numbers(held, kind, path, "(u, 6), force [N] and moment [N m]", (6,))
     else:
@@ -147,12 +154,8 @@ def _with_reference(
     scale = PRESSURES.get(kind) or FORCES.get(kind, 1.0)
     if kind != WRENCH and reference.min() < -0.5 * np.ptp(reference):
         raise DataFormatError(f"{kind} falls to {reference.min():.3g}: a load is positive", path)
-    if kind in PRESSURES and not MIN_BAR < reference.max() * scale <= MAX_BAR:
-        raise DataFormatError(
-            f"{kind} reaches {reference.max() * scale:.2g} bar: is it psi, mmHg or another unit? "
-            f"{', '.join(PRESSURES)} are read",
-            path,
-        )
+    if kind in PRESSURES:
+        check_bar(float(reference.max()) * scale, kind, path)
     channels = _channels(held, samples.shape[1], path)
     if channels is not None and kind in PRESSURES and len(channels) < samples.shape[1]:
         raise DataFormatError(
@@ -164,6 +167,25 @@ def _with_reference(
     return LoadEvidence(
         path.name, samples, times, kind, reference * scale, own, channels, thermal=thermal
     )
+
+
+def check_bar(top: float, kind: str, path: Path) -> None:
+    """Refuse a highest pressure [bar] by which a reference is in another unit.
+
+    Raises
+    ------
+    DataFormatError
+        Names the units that are read.
+    """
+    if MIN_BAR < top <= MAX_BAR:
+        return
+    words = f"is it psi, mmHg or another unit? {', '.join(PRESSURES)} are read"
+    if kind not in PRESSURES:
+        words = (
+            "mass_kg and stand are in kg, force_n in N, wrench in N and N m: 1 kg is 9.81 N, 1 N "
+            "is 1000 mN, raw counts are none of them; areas are in mm2"
+        )
+    raise DataFormatError(f"{kind} reaches {top:.2g} bar: {words}", path)
 
 
 def _thermal(held: dict[str, NDArray[Any]], n: int, path: Path) -> IntArray | None:

@@ -28,7 +28,10 @@ HELD = 0.3  # how strongly weights are held to plain areas
 # What lies between taxels: 90 % of the forces lie within this share of theirs, with the pressures
 # exact. Of touches by the tuned variants of MuJoCo; `evaluate --protocol force` judges by another.
 BETWEEN = 0.22
-TOO_LIGHT = "too light for a force"
+REACH = 4  # rings beyond the contact that may feel it, to no other contact's far side
+LOST = 0.5  # of a force, in what its outermost ring bears: more may lie beyond than is felt
+TOO_WIDE = "too light for a force where it ends"
+TOO_LIGHT, ABOVE = "too light for a force", "above the calibrated range"
 # Taxels above `HARD` and above `FELT` of the peak bound the covered skin. Of touches by the tuned
 # variants of MuJoCo on two parts 98 % cover more than `LESS` of the first and 94 % less than `MORE`
 # of the second; `evaluate --protocol force` judges by another variant on other parts.
@@ -188,26 +191,28 @@ class PartForces:
         shared : float or (n,) float
             Share of the variance that all taxels have in common: it does not average out.
         """
-        around = np.unique(np.append(self.skin.geometry.beside[taxels].ravel(), taxels))
-        rows = around[around < len(self.skin)]
-        rows = rows[self.answered[rows]]
+        rows, outermost = self._felt(taxels, values, low)
         if not self.answered[taxels].any():
             return ContactForce.none("none of its taxels is calibrated")
         pressure = values[rows]
         if not np.isfinite(pressure).all():
-            return ContactForce.none("above the calibrated range")
+            return ContactForce.none(ABOVE)
         weight = np.maximum(self.weights[rows], 0.0)
         total = float(pressure @ self.weights[rows])
         if total <= 0.0 or pressure.max() <= 0.0:
             return ContactForce.none(TOO_LIGHT)
+        pressed = np.maximum(pressure, 0.0)
+        share = float(pressed[outermost] @ weight[outermost]) / total
+        if share > LOST:
+            return ContactForce.none(TOO_WIDE)
+        beyond = share**2 * total  # what lies further out falls off as the ring does
         half = np.stack([pressure - low[rows], high[rows] - pressure])
         common = np.sqrt(shared[rows] if isinstance(shared, np.ndarray) else shared)
         alone = np.sqrt(1.0 - common**2)
         away = np.hypot((half * common) @ weight, np.linalg.norm(half * alone * weight, axis=1))
         below, above = np.hypot(away, BETWEEN * total).tolist()
-        force = Interval(total, max(0.0, total - below), total + above)
+        force = Interval(total, max(0.0, total - below), total + above + beyond)
         places = self.skin.skin.positions[rows]
-        pressed = np.maximum(pressure, 0.0)
         centre = pressed * weight @ places / (pressed @ weight)
         vector = pressure @ self.vectors[rows]
         (x, y, z), (u, v, w) = centre.tolist(), vector.tolist()  # np.cross takes ten times as long
@@ -229,6 +234,28 @@ class PartForces:
                 float(high[rows[top]]) + BETWEEN * float(pressure[top]),
             ),
         )
+
+    def _felt(
+        self, taxels: IntArray, values: FloatArray, low: FloatArray
+    ) -> tuple[IntArray, BoolArray]:
+        """Answered taxels (k,) that feel a contact, and which of them are its outermost ring (k,).
+
+        From the contact downhill as far as pressures exceed their doubt, and a ring.
+        """
+        beside = self.skin.geometry.beside
+        height, core = np.append(values, -np.inf), np.zeros(len(values) + 1, bool)
+        core[taxels] = True
+        near = np.flatnonzero((low > 0.0) & self.answered & ~core[:-1])
+        around = beside[near]
+        for _ in range(REACH):
+            higher = np.where(core[around], height[around], -np.inf).max(axis=1, initial=-np.inf)
+            core[near[height[near] <= higher]] = True
+        found = np.zeros(len(core), bool)
+        found[beside[core[:-1]]] = True
+        found[:-1] &= np.isfinite(values)  # further out, one without an answer is not of the touch
+        found[beside[taxels]] = True
+        rows = np.flatnonzero((found | core)[:-1] & self.answered)
+        return rows, ~core[rows]
 
     def _area(self, rows: IntArray, pressed: FloatArray) -> Interval:
         """Between what is pressed half as hard as the peak and all that feels it."""

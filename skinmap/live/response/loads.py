@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import SkinMismatchError
-from skinmap.live.contacts.contact_forces import ContactForce, PartForces
+from skinmap.live.contacts.contact_forces import ABOVE, ContactForce, PartForces
 from skinmap.live.response.pressures import by_part
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.load_calibration import NORMAL_90, LoadCalibration
@@ -107,6 +107,8 @@ def heaviest_load(
 ) -> ContactForce:
     """Force of a recorded touch at its heaviest sample.
 
+    Refused where any sample lies above the range: no other one stands for the heaviest.
+
     Parameters
     ----------
     found : three (t, n) arrays
@@ -116,8 +118,10 @@ def heaviest_load(
     taxels : (n,) bool
         Of the touch.
     """
-    sums = np.nansum(np.where(taxels, found[0][rows], 0.0), axis=1)
-    row = rows[int(sums.argmax())]
+    own = found[0][rows][:, taxels & forces.answered]
+    if np.isnan(own).any():
+        return ContactForce.none(ABOVE)
+    row = rows[int(own.sum(axis=1).argmax())]
     moment = PASCALS * np.stack([one[row] for one in found]).astype(np.float64)
     return force_of(forces, np.flatnonzero(taxels), moment, calibration.doubt)
 
