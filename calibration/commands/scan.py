@@ -32,7 +32,9 @@ class ScanResult(Calibrated):
     Attributes
     ----------
     rms_mm
-        Distance of the scan from the mesh, of what lies on it, root mean square.
+        Distance of the scan from the mesh once it stands off, of what lies on it, root mean square.
+    standoff_mm, standoff_sd_mm
+        How far the scan lies above the mesh, as where a skin covers it, and the standard deviation.
     share_on_mesh
         Of the scan's points.
     free_directions
@@ -52,6 +54,8 @@ class ScanResult(Calibrated):
     """
 
     rms_mm: float
+    standoff_mm: float
+    standoff_sd_mm: float
     share_on_mesh: float
     free_directions: list[str]
     T_mesh_scan: Matrix
@@ -165,6 +169,8 @@ def work(files: ScanFiles) -> tuple[ScanResult, ScanRegistration]:
         status=grade(found.status),
         reasons=list(found.reasons),
         rms_mm=MM * found.rms,
+        standoff_mm=MM * found.standoff,
+        standoff_sd_mm=MM * found.standoff_sd,
         share_on_mesh=found.share,
         free_directions=list(found.free_directions),
         T_mesh_scan=found.T_mesh_scan.tolist(),
@@ -182,6 +188,8 @@ def _write(
     result: ScanResult,
     folder: Path,
 ) -> list[str]:
+    import numpy as np
+
     from calibration.files.tables import write_taxels
     from calibration.scan.registration import carried
 
@@ -190,6 +198,7 @@ def _write(
     if files.taxels is None:
         return ["pose.json"]
     channels, places, sigma = files.taxels
+    sigma = np.where(sigma > 0.0, sigma, found.rms)  # no better than the scan itself
     moved, covariance = carried(found, files.points, places, sigma)
     return ["pose.json", write_taxels(channels, moved, covariance, folder / "taxels.csv")]
 
@@ -200,15 +209,18 @@ def _page(files: ScanFiles, found: ScanRegistration, result: ScanResult) -> str:
     other = result.runner_up_cost
     rows = [
         ("distance from the mesh (rms of what lies on it)", f"{result.rms_mm:.2f} mm"),
+        ("the scan stands off the mesh by",
+         f"{result.standoff_mm:.2f} mm, to {result.standoff_sd_mm:.2f} mm"),
         ("share of the scan on the mesh", f"{100 * result.share_on_mesh:.0f} %"),
         ("the best other pose costs", "none" if other is None else f"{other:.2f} times as much"),
         ("free motions", ", ".join(result.free_directions) or "none"),
-    ]
+    ]  # fmt: skip
     words = "Points of the scan on the mesh, coloured by their distance."
     pictures = [("On the mesh", scan_picture(found, files.points, files.link), words)]
     return judged_page(files.title, result, rows, pictures)
 
 
 def _lines(result: ScanResult) -> Iterator[str]:
-    yield f"{result.status}: {result.rms_mm:.2f} mm from the mesh (rms)"
+    above = f"{result.standoff_mm:.2f} mm above the mesh"
+    yield f"{result.status}: {result.rms_mm:.2f} mm (rms) from {above}"
     yield from (f"  {reason}" for reason in result.reasons)

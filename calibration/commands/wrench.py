@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from calibration.commands.calibration_options import FILE, NO_LOSS, NO_SEED, Outputs, outputs
-from calibration.commands.results import MM, Calibrated, Matrix, Spread, judged
+from calibration.commands.results import MM, Calibrated, Grade, Matrix, Spread, judged
 from skinmap.commands.options import prints, units_option
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
@@ -120,7 +120,12 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
     """Fit a mount to lines of force, and judge it."""
     import numpy as np
 
-    from calibration.mount.mount_wrench import POINT_SIGMA, fit_wrench, held_out_error
+    from calibration.mount.mount_wrench import (
+        POINT_SIGMA,
+        fit_wrench,
+        held_out_error,
+        wrench_doubts,
+    )
     from calibration.mount.rigid_mount import point_covariance
     from calibration.patch.patch_status import weak_direction
     from skinmap.geometry.proximity import median_spacing
@@ -138,16 +143,18 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
     half = POINT_SIGMA
     if touches.taxels is not None:
         half = median_spacing(skin[np.isfinite(skin).all(axis=1)]) / 2
-    reasons = []
+    reasons = list(wrench_doubts(*given, skin[np.isfinite(skin).all(axis=1)], 2.0 * np.median(sd)))
+    status: Grade = "ambiguous" if reasons else "ok"
     if np.median(sd) > half:
+        status = "unobservable"
         _, vectors = np.linalg.eigh(covariance.mean(axis=0))
         along = ", ".join(f"{value:.2f}" for value in vectors[:, -1])
-        reasons = [
+        reasons.append(
             f"taxels are known to {MM * np.median(sd):.1f} mm only, half a pitch is "
             f"{MM * half:.1f} mm; least along ({along}) of the link: press from other sides"
-        ]
+        )
     result = WrenchResult(
-        status="unobservable" if reasons else "ok",
+        status=status,
         reasons=reasons,
         touches=len(touches.points),
         rms_mm=MM * fit.rms,

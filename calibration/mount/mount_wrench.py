@@ -4,11 +4,15 @@ A force on one small place leaves a line in space: with the force f and the mome
 sensor, every point r of it has r x f = m (Del Prete et al., "Skin spatial calibration using
 force/torque measurements", IROS 2011). The patch is put where its active taxels lie on their
 lines.
+
+Next to the edge of a patch the middle of the active taxels lies further in than the place that was
+pressed, which on a bent patch looks like a lift. So the points are drawn in by an unknown share: a
+fit is a similarity, and the mount is its rigid part.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import product
 
 import numpy as np
@@ -30,6 +34,12 @@ FOLDS = 5  # each touch is held out once
 SETTLED = 1e-10  # a step that moves nothing further is the last [m, rad]
 LENGTH = 1.1774  # median length of a normal vector in a plane, in standard deviations
 QUARTERS = (0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi)
+DRAWN_IN = 0.15  # share by which middles of active taxels may lie nearer to the patch's middle
+ELSEWHERE = 5e-3  # fits whose points are this far apart are two [m]
+RIVAL = 10.0  # log likelihood by which a second place is as good: touches share their errors
+IMAGE = 3.0  # the same of the mirror image, which has most of those errors too
+MISFIT = 2.0  # sigmas that the touches may stray by
+MIRROR = np.array([-1.0, 1.0, 1.0])
 
 
 def fit_wrench(
@@ -77,9 +87,48 @@ def fit_wrench(
     np.float64(0.1)
     """
     lines = _Lines.of(points, frames, forces, moments, point_sigma, moment_sigma)
-    mount = _fitted(lines)
-    missed = lines.distances(mount)
-    return MountFit(mount, float(np.sqrt(np.mean(missed**2))), lines.covariance(mount), missed)
+    fit = _minima(lines)[0]
+    missed = lines.distances(fit)
+    rms = float(np.sqrt(np.mean(missed**2)))
+    return MountFit(_rigid(fit, lines.points), rms, lines.covariance(fit), missed)
+
+
+def wrench_doubts(
+    points: FloatArray,
+    frames: FloatArray,
+    forces: FloatArray,
+    moments: FloatArray,
+    skin: FloatArray,
+    reach: float,
+) -> tuple[str, ...]:
+    """Reasons to doubt the place that `fit_wrench` finds, in words; its parameters come first.
+
+    `skin` (n, 3) are the points that count [m]: a fit that puts them within `reach` [m] of the
+    place found is no other place.
+    """
+    lines = _Lines.of(points, frames, forces, moments)
+    best, *others = _minima(lines)
+    scale = max(lines.scale(best), 1.0)
+    image = replace(lines, points=points * MIRROR)
+    placed = transform_points(_rigid(best, points), skin)
+    tried = [(lines, skin, other, RIVAL, "another place") for other in others]
+    tried.append((image, skin * MIRROR, _minima(image)[0], IMAGE, "the mirrored drawing"))
+    found = []
+    for own, drawn, other, enough, words in tried:
+        apart = transform_points(_rigid(other, own.points), drawn) - placed
+        far = float(np.median(np.linalg.norm(apart, axis=1)))
+        worse = own.cost(other, scale) - lines.cost(best, scale)
+        if worse < enough and far > reach:
+            how = "better" if worse < 0 else "as well"
+            found.append(f"{words} fits {how}, {1e3 * far:.1f} mm away")
+    if found:
+        found[0] += ": check the side of the drawing, and press aslant and from more sides"
+    if scale > MISFIT:
+        found.append(
+            f"touches miss their lines by {scale:.1f} times what points and moments are known to: "
+            "tare the sensor, check units, frames and the order of the rows"
+        )
+    return tuple(found)
 
 
 def held_out_error(
@@ -97,7 +146,8 @@ def held_out_error(
     if len(fold) < 2 * FOLDS:
         return None
     lines = _Lines.of(points, frames, forces, moments)
-    missed = [lines.only(fold == k).distances(_fitted(lines.only(fold != k))) for k in range(FOLDS)]
+    fits = [_minima(lines.only(fold != k))[0] for k in range(FOLDS)]
+    missed = [lines.only(fold == k).distances(fit) for k, fit in enumerate(fits)]
     return float(np.sqrt(np.mean(np.concatenate(missed) ** 2)))
 
 
@@ -151,50 +201,87 @@ class _Lines:
         """Some of them."""
         return _Lines(self.points[rows], self.along[rows], self.foot[rows], self.sigma[rows])
 
-    def misses(self, mount: FloatArray) -> FloatArray:
+    def misses(self, fit: FloatArray) -> FloatArray:
         """Vectors (m, 3) from the lines to the points, across the lines [m]."""
-        apart = transform_points(mount, self.points) - self.foot
+        apart = transform_points(fit, self.points) - self.foot
         return np.asarray(apart - self.along * np.sum(self.along * apart, axis=1)[:, None])
 
-    def distances(self, mount: FloatArray) -> FloatArray:
+    def distances(self, fit: FloatArray) -> FloatArray:
         """(m,) of the points from their lines [m]."""
-        return np.asarray(np.linalg.norm(self.misses(mount), axis=1))
+        return np.asarray(np.linalg.norm(self.misses(fit), axis=1))
 
-    def cost(self, mount: FloatArray) -> float:
-        """Cauchy's loss of a mount, so that outliers do not choose between minima."""
-        missed = self.distances(mount) / self.sigma
-        return float(np.sum(np.log1p((missed / CAUCHY) ** 2)))
+    def cost(self, fit: FloatArray, scale: float = 1.0) -> float:
+        """Cauchy's loss of a fit as a log likelihood, so that outliers do not choose a minimum.
 
-    def weights(self, mount: FloatArray) -> FloatArray:
+        `scale` is that of the distances, in sigmas.
+        """
+        missed = self.distances(fit) / (CAUCHY * scale * self.sigma)
+        drawn = np.log(_stretch(fit)) / DRAWN_IN
+        return float(0.5 * CAUCHY**2 * np.sum(np.log1p(missed**2)) + 0.5 * drawn**2)
+
+    def scale(self, fit: FloatArray) -> float:
+        """Spread of the distances in each direction, in sigmas, by their median."""
+        return max(float(np.median(self.distances(fit) / self.sigma)) / LENGTH, 1e-9)
+
+    def weights(self, fit: FloatArray) -> FloatArray:
         """(m,) of Cauchy's loss."""
-        missed = self.distances(mount) / self.sigma
-        scale = max(float(np.median(missed)) / LENGTH, 1e-9)
-        return np.asarray(1.0 / (1.0 + (missed / (CAUCHY * scale)) ** 2))
+        missed = self.distances(fit) / self.sigma
+        return np.asarray(1.0 / (1.0 + (missed / (CAUCHY * self.scale(fit))) ** 2))
 
-    def jacobian(self, mount: FloatArray) -> FloatArray:
-        """(m, 3, 6) of the misses to a left-multiplied rotation vector and the translation."""
-        whole = motion_slopes(self.points @ mount[:3, :3].T)
+    def jacobian(self, fit: FloatArray) -> FloatArray:
+        """(m, 3, 7) of the misses to a left-multiplied rotation vector, shift and log stretch."""
+        arms = self.points @ fit[:3, :3].T
+        whole = np.concatenate([motion_slopes(arms), arms[:, :, None]], axis=2)
         onto = np.einsum("mi,mij->mj", self.along, whole)
         return np.asarray(whole - self.along[:, :, None] * onto[:, None])
 
-    def covariance(self, mount: FloatArray) -> FloatArray:
-        """(6, 6) from the misses' own spread, weighted as in `calibration.mount.rigid_mount`."""
-        jacobian, weight = self.jacobian(mount) / self.sigma[:, None, None], self.weights(mount)
-        missed = self.distances(mount) / self.sigma
+    def covariance(self, fit: FloatArray) -> FloatArray:
+        """(6, 6) of the mount, from the misses' own spread as in `rigid_mount`."""
+        jacobian, weight = self.jacobian(fit) / self.sigma[:, None, None], self.weights(fit)
+        missed = self.distances(fit) / self.sigma
         slope = float(np.mean(weight**2))  # of w r in the two directions across a line
         free = max(1.0, 2.0 * len(missed) - 6.0) / len(missed)
         variance = float(np.mean((weight * missed) ** 2)) / free / slope**2
         normal = np.einsum("mki,mkj->ij", jacobian, jacobian)
-        return np.asarray(variance * np.linalg.pinv(normal, hermitian=True))
+        normal[6, 6] += variance / DRAWN_IN**2
+        # From a stretch about the origin to one about the middle of the points, which stays.
+        own = fit[:3, :3] @ self.points.mean(axis=0)
+        onto = np.eye(6, 7)
+        onto[3:, :6] = motion_slopes((1.0 - 1.0 / _stretch(fit)) * own[None])[0]
+        onto[3:, 6] = own
+        return np.asarray(variance * onto @ np.linalg.pinv(normal, hermitian=True) @ onto.T)
 
 
-def _fitted(lines: _Lines) -> FloatArray:
-    """The mount of the robust loss, from the best of all starts."""
-    starts = _starts(lines)
-    for steps, kept in ((FIRST, PROMISING), (STEPS, 1)):
-        ends = [_descend(start, lines, steps, robust=False) for start in starts]
-        starts = sorted(ends, key=lines.cost)[:kept]
-    return _descend(starts[0], lines, STEPS, robust=True)
+def _stretch(fit: FloatArray) -> float:
+    """Of a similarity (4, 4): above 1 where the points lie too near to their middle."""
+    return float(np.cbrt(np.linalg.det(fit[:3, :3])))
+
+
+def _rigid(fit: FloatArray, points: FloatArray) -> FloatArray:
+    """The mount of a similarity (4, 4), about the middle of the points (m, 3)."""
+    turn, middle = fit[:3, :3] / _stretch(fit), points.mean(axis=0)
+    return rigid_transform(turn, transform_points(fit, middle[None])[0] - turn @ middle)
+
+
+def _minima(lines: _Lines) -> list[FloatArray]:
+    """Similarities (4, 4) of the robust loss that are apart, the best first."""
+    first: list[FloatArray] = []
+    for end in sorted([_descend(own, lines, FIRST) for own in _starts(lines)], key=lines.cost):
+        if len(first) < PROMISING and _apart(end, first, lines):
+            first.append(end)
+    ends = [_descend(own, lines, STEPS) for own in first]
+    ends = [_descend(own, lines, STEPS, robust=True) for own in ends]
+    last: list[FloatArray] = []
+    for end in sorted(ends, key=lines.cost):
+        if _apart(end, last, lines):
+            last.append(end)
+    return last
+
+
+def _apart(fit: FloatArray, others: list[FloatArray], lines: _Lines) -> bool:
+    """Whether a fit puts the points elsewhere than all others."""
+    places = [transform_points(one, lines.points) for one in (fit, *others)]
+    return all(np.sqrt(3.0 * np.mean((places[0] - own) ** 2)) > ELSEWHERE for own in places[1:])
 
 
 def _starts(lines: _Lines) -> list[FloatArray]:
@@ -220,31 +307,36 @@ def _starts(lines: _Lines) -> list[FloatArray]:
     return starts
 
 
-def _descend(start: FloatArray, lines: _Lines, steps: int, *, robust: bool) -> FloatArray:
-    """Levenberg's damped steps from a start to the minimum near it."""
-    mount, damping, p = start.copy(), 1e-3, lines.points
+def _descend(start: FloatArray, lines: _Lines, steps: int, *, robust: bool = False) -> FloatArray:
+    """Levenberg's damped steps from a start to the minimum near it; only a robust fit stretches."""
+    fit, damping, p, count = start.copy(), 1e-3, lines.points, 7 if robust else 6
     reach = max(float(np.linalg.norm(p - p.mean(axis=0), axis=1).max()), 1e-6)
-    scale = np.array([1 / reach] * 3 + [1.0] * 3)  # turns move points by their reach
+    scale = np.array([1 / reach] * 3 + [1.0] * 3 + [1 / reach])[:count]  # of points by their reach
     weight = 1.0 / lines.sigma**2
     for _ in range(steps):
-        missed = lines.misses(mount)
+        missed, drawn = lines.misses(fit), np.log(_stretch(fit))
         if robust:
-            weight = lines.weights(mount) / lines.sigma**2
-        jacobian = lines.jacobian(mount) * scale
+            weight = lines.weights(fit) / lines.sigma**2
+        jacobian = lines.jacobian(fit)[:, :, :count] * scale
         weighted = jacobian * weight[:, None, None]
         normal = np.tensordot(weighted, jacobian, axes=([0, 1], [0, 1]))
         slope = np.tensordot(weighted, missed, axes=([0, 1], [0, 1]))
-        before = float(weight @ np.sum(missed**2, axis=1))
+        before = float(weight @ np.sum(missed**2, axis=1)) + (drawn / DRAWN_IN) ** 2
+        if robust:
+            normal[6, 6] += (scale[6] / DRAWN_IN) ** 2
+            slope[6] += scale[6] * drawn / DRAWN_IN**2
         move = -scale * np.linalg.solve(normal + damping * np.diag(np.diag(normal)), slope)
         turn = Rotation.from_rotvec(move[:3]).as_matrix()
-        moved = rigid_transform(turn @ mount[:3, :3], mount[:3, 3] + move[3:])
-        after = float(weight @ np.sum(lines.misses(moved) ** 2, axis=1))
+        drawn += move[6] if robust else 0.0
+        moved = rigid_transform(turn @ fit[:3, :3], fit[:3, 3] + move[3:6])
+        moved[:3, :3] *= np.exp(move[6]) if robust else 1.0
+        after = float(weight @ np.sum(lines.misses(moved) ** 2, axis=1)) + (drawn / DRAWN_IN) ** 2
         if after > before:
             damping = min(10.0 * damping, 1e6)
             if damping >= 1e6:
                 break
             continue
-        mount, damping = moved, max(0.1 * damping, 1e-9)
+        fit, damping = moved, max(0.1 * damping, 1e-9)
         if np.abs(move).max() < SETTLED:
             break
-    return mount
+    return fit

@@ -1,11 +1,13 @@
 """A 3D scan of a covered link, registered to the link's mesh.
 
-Iterative closest points for a scan: staged through Open3D, then polished on the mesh itself.
+Iterative closest points for a scan: staged through Open3D, then polished on the mesh itself. What
+covers the link lifts the scan off the mesh by a standoff, one length along the normals, which is
+fitted with the pose.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -33,7 +35,10 @@ STEPS = 40  # a stage at most
 SAMPLES = 15_000  # points of the mesh that Open3D sees
 WIDTH = 3e-3  # beyond which Tukey's loss no longer sees a point [m]
 FEW = 600  # points of a scan that look for other poses
-POLISH = 12  # steps on the mesh itself
+POLISH = 24  # steps on the mesh itself, half of them with a wider loss: the standoff comes late
+WIDER = 3.0  # times WIDTH
+COVERED = 0.5e-3  # a standoff below is none: round edges and stray points make as much [m]
+COVER_SIGMA = 4e-3  # of the standoff: what covers links is millimetres thick [m]
 ROUNDING = 1e-7  # of the pose handed over: what Open3D's threads add up in another order
 
 
@@ -47,18 +52,21 @@ class Scene:
     _few: Any
     _surface: Any
 
-    def heights(self, pose: FloatArray) -> FloatArray:
-        """(m,) signed distance of the scan from the mesh [m]; the wrap stands off by OFFSET."""
+    def heights(self, pose: FloatArray, standoff: float) -> FloatArray:
+        """(m,) signed distance of the scan from where it stands off the mesh [m].
+
+        The wrap stands off by OFFSET.
+        """
         points = transform_points(pose, self.scan)
         close, normals = self.target.project(points)
         step = points - close
-        high = np.einsum("md,md->m", step, normals) + OFFSET
+        high = np.einsum("md,md->m", step, normals) + OFFSET - standoff
         # Off an edge or far away the distance is what counts, not the part along the normal.
         return np.where(np.abs(high) < WIDTH, high, np.linalg.norm(step, axis=1))
 
-    def cost(self, pose: FloatArray) -> float:
+    def cost(self, pose: FloatArray, standoff: float = 0.0) -> float:
         """Mean of Tukey's loss [m2]."""
-        return float(_tukey(self.heights(pose)).mean())
+        return float(_tukey(self.heights(pose, standoff)).mean())
 
     def apart(self, one: FloatArray, other: FloatArray) -> float:
         """Root mean square distance between the scan's points in two poses [m]."""
@@ -111,33 +119,51 @@ def register(scene: Scene, start: FloatArray, *, roughly: bool = False) -> Float
     return np.asarray(pose)
 
 
-def polish(scene: Scene, pose: FloatArray) -> FloatArray:
-    """Gauss and Newton's steps with Tukey's weights on the mesh itself, not on samples of it."""
-    pose = _rounded(pose)
-    for _ in range(POLISH):
-        rows, high, weight, middle = linearised(scene, pose)
-        normal = (rows * weight[:, None]).T @ rows + 1e-9 * len(rows) * np.eye(6)
-        step = np.asarray(np.linalg.solve(normal, -(rows * weight[:, None]).T @ high), np.float64)
-        pose = _moved(pose, middle, step)
-        if np.abs(step).max() < 1e-9:
+def polish(scene: Scene, pose: FloatArray) -> tuple[FloatArray, float]:
+    """The pose on the mesh itself, not on samples of it, and the standoff [m]: 0 of a bare link."""
+    found = _stepped(scene, _rounded(pose), 0.0, 7)
+    return found if abs(found[1]) > COVERED else _stepped(scene, found[0], 0.0, 6)
+
+
+def _stepped(
+    scene: Scene, pose: FloatArray, standoff: float, count: int
+) -> tuple[FloatArray, float]:
+    """Gauss and Newton's steps with Tukey's weights, of the pose (6) and the standoff (7)."""
+    expected = (NOISE / COVER_SIGMA) ** 2
+    for number in range(POLISH):
+        width = WIDTH * (WIDER if count > 6 and 2 * number < POLISH else 1.0)
+        rows, high, weight, middle = linearised(scene, pose, standoff, width)
+        rows = rows[:, :count]
+        normal = (rows * weight[:, None]).T @ rows + 1e-9 * len(rows) * np.eye(count)
+        slope = (rows * weight[:, None]).T @ high
+        normal[6:, 6:] += expected
+        slope[6:] += expected * standoff
+        step = np.asarray(np.linalg.solve(normal, -slope), np.float64)
+        pose, standoff = _moved(pose, middle, step[:6]), standoff + float(step[6:].sum())
+        if width == WIDTH and np.abs(step).max() < 1e-9:
             break
-    return pose
+    return pose, standoff
 
 
 def linearised(
-    scene: Scene, pose: FloatArray
+    scene: Scene, pose: FloatArray, standoff: float, width: float = WIDTH
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Derivatives (m, 6), heights (m,) [m], weights (m,) and the point (3,) turned about [m].
+    """Derivatives (m, 8), heights (m,) [m], weights (m,) and the point (3,) turned about [m].
 
-    Unknowns: a rotation vector [rad] about the scan's middle, then a shift [m].
+    Unknowns: a rotation vector [rad] about the scan's middle, a shift [m], the standoff [m] and
+    the logarithm of the scan's size.
     """
     points = transform_points(pose, scene.scan)
     close, normals = scene.target.project(points)
-    high = np.einsum("md,md->m", points - close, normals) + OFFSET
-    far = np.linalg.norm(points - close, axis=1) > WIDTH
-    weight = np.where(far, 0.0, np.maximum(1.0 - (high / WIDTH) ** 2, 0.0) ** 2)
+    high = np.einsum("md,md->m", points - close, normals) + OFFSET - standoff
+    far = np.linalg.norm(points - close, axis=1) > width + abs(standoff)
+    weight = np.where(far, 0.0, np.maximum(1.0 - (high / width) ** 2, 0.0) ** 2)
     middle = points.mean(axis=0)
-    return np.hstack([np.cross(points - middle, normals), normals]), high, weight, middle
+    arm = points - middle
+    grown = np.einsum("md,md->m", arm, normals)
+    turned = np.cross(arm, normals)
+    rows = np.column_stack([turned, normals, np.full(len(arm), -1.0), grown])
+    return rows, high, weight, middle
 
 
 def _tukey(distance: FloatArray) -> FloatArray:
@@ -170,6 +196,10 @@ MOVED = 5e-3  # a motion is free if moving this far [m] ...
 RAISED = 0.06  # ... raises the mean square of the distances by less than this share
 PURE = 0.05  # of a motion's turning part: less is a shift
 WORDS = ("long axis", "middle axis", "short axis")
+ASTRAY = 10e-3  # of an anchor that was picked by hand [m]
+TOLD = 1e-3  # to which the standoff has to be known [m]
+ROUNDS = 6  # steps to the size of a scan
+SIZED, SURE = 0.025, 5.0  # share by which a scan is too large, and in standard deviations
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -188,7 +218,10 @@ class ScanRegistration(Summary):
     free_directions : tuple of str
         The motions that the shape leaves free, in words.
     rms : float
-        Distance of the scan from the mesh, of what lies on it [m].
+        Distance of the scan from the mesh once it stands off, of what lies on it [m].
+    standoff, standoff_sd : float
+        Length along the normals by which the scan lies above the mesh, as where a skin covers the
+        link, and its standard deviation [m].
     share : float
         Of the scan's points that lie on the mesh.
     covariance : (6, 6) float
@@ -204,6 +237,8 @@ class ScanRegistration(Summary):
     reasons: tuple[str, ...]
     free_directions: tuple[str, ...]
     rms: float
+    standoff: float
+    standoff_sd: float
     share: float
     covariance: FloatArray
     runner_up: FloatArray | None
@@ -217,6 +252,7 @@ class ScanRegistration(Summary):
         return {
             "status": self.status.value,
             "rms": millimetres(self.rms),
+            "standoff": millimetres(self.standoff),
             "share_on_mesh": f"{self.share:.2f}",
             "reasons": listed(self.reasons),
         }
@@ -250,7 +286,8 @@ def register_scan(
     Returns
     -------
     ScanRegistration
-        T_mesh_scan (4, 4), its covariance, and whether another pose fits as well.
+        T_mesh_scan (4, 4), its covariance, and whether it is to be doubted: another pose fits as
+        well, anchors are astray, the scan has another size.
 
     Raises
     ------
@@ -281,7 +318,8 @@ def register_scan(
     poses = [register(scene, start)]
     poses += [register(scene, pose, roughly=True) for pose in _starts(start, scan, rng)]
     best, *others = _distinct(poses, scene)
-    return _judged(scene, best, others[0] if others else None)
+    astray = () if anchors is None else _astray(best[0], *anchors)
+    return _judged(scene, best, others[0] if others else None, astray)
 
 
 def _check_scan(scan: FloatArray, vertices: FloatArray) -> None:
@@ -325,49 +363,99 @@ def _starts(start: FloatArray, scan: FloatArray, rng: np.random.Generator) -> li
     return [_moved(start, middle, step) for step in steps]
 
 
-def _distinct(poses: list[FloatArray], scene: Scene) -> list[FloatArray]:
-    """The two best poses that are apart (one, where all are the same), polished, best first."""
-    order = np.argsort([scene.cost(pose) for pose in poses], kind="stable")
-    kept: list[FloatArray] = []
-    for place in order:
-        if kept and scene.apart(poses[place], kept[0]) <= APART:
-            continue
-        pose = polish(scene, poses[place])
-        if not kept or scene.apart(pose, kept[0]) > APART:
-            kept.append(pose)
-        if len(kept) == 2:
-            break
-    return sorted(kept, key=scene.cost)
+def _astray(pose: FloatArray, here: ArrayLike, there: ArrayLike) -> tuple[str, ...]:
+    """Anchors that are not where a pose carries them, in words."""
+    points, places = np.asarray(here, np.float64), np.asarray(there, np.float64)
+    missed = np.linalg.norm(transform_points(pose, points) - places, axis=1)
+    rows = np.flatnonzero(missed > ASTRAY)
+    if not len(rows):
+        return ()
+    words = ", ".join(f"{row + 1} ({1e3 * missed[row]:.0f} mm)" for row in rows.tolist())
+    own, image = (
+        np.linalg.norm(transform_points(rigid_fit(side, places, np.ones(len(side))), side) - places)
+        for side in (points, points * [-1.0, 1.0, 1.0])
+    )
+    why = "exchanged anchors, or another pose that fits better than theirs"
+    if len(points) > 3 and 2.0 * image < own:
+        why = "they fit the mirror image, so mirror the scan"
+    return (f"the scan's pose misses the anchors {words}: {why}",)
 
 
-def _judged(scene: Scene, best: FloatArray, other: FloatArray | None) -> ScanRegistration:
-    distance = scene.heights(best)
+def _distinct(poses: list[FloatArray], scene: Scene) -> list[tuple[FloatArray, float]]:
+    """Poses that are apart, polished with their standoffs [m], best first."""
+    tried: list[FloatArray] = []
+    for pose in poses:
+        if all(scene.apart(pose, other) > APART for other in tried):
+            tried.append(pose)
+    kept: list[tuple[FloatArray, float]] = []
+    for own in sorted((polish(scene, pose) for pose in tried), key=lambda one: scene.cost(*one)):
+        if all(scene.apart(own[0], other) > APART for other, _ in kept):
+            kept.append(own)
+    return kept
+
+
+def _judged(
+    scene: Scene,
+    placed: tuple[FloatArray, float],
+    second: tuple[FloatArray, float] | None,
+    astray: tuple[str, ...],
+) -> ScanRegistration:
+    best, standoff = placed
+    distance = scene.heights(best, standoff)
     on_mesh = np.abs(distance) < NEAR
     share = float(on_mesh.mean())
     rms = float(np.sqrt(np.mean(distance[on_mesh] ** 2))) if on_mesh.any() else float("nan")
-    free, covariance = free_motions(scene, best)
-    ratio = float("inf") if other is None else scene.cost(other) / max(scene.cost(best), 1e-18)
+    free, covariance = free_motions(scene, best, standoff)
+    sd = float(np.sqrt(covariance[6, 6]))
+    ratio = float("inf")
+    if second is not None:
+        ratio = scene.cost(*second) / max(scene.cost(*placed), 1e-18)
     found = [
         (Status.UNOBSERVABLE, f"the shape leaves a motion free: the scan {motion}")
         for motion in free
     ]
+    found += [(Status.AMBIGUOUS, words) for words in astray]
     if ratio <= RIVAL and not free:
         words = f"another pose fits as well ({100 * (ratio - 1):.1f} % worse)"
         found.append((Status.AMBIGUOUS, f"{words}: give anchors or a better start"))
     if share < ON_MESH:
         words = f"only {100 * share:.0f} % of the scan lie within {1e3 * NEAR:g} mm of the mesh"
         found.append((Status.AMBIGUOUS, f"{words}: another link, or a start too far off"))
+    if sd > TOLD:
+        words = f"how thick a cover is cannot be told ({1e3 * sd:.1f} mm): scan more sides"
+        found.append((Status.AMBIGUOUS, words))
+    size, size_sd = (0.0, 0.0) if free or standoff else _size(scene, best)
+    if abs(size) > max(SIZED, SURE * size_sd):
+        words = f"the scan is {100 * abs(size):.1f} % too {'small' if size > 0 else 'large'}"
+        found.append((Status.AMBIGUOUS, f"{words}: another unit, or a scanner to calibrate"))
     return ScanRegistration(
         best,
         found[0][0] if found else Status.OK,
         tuple(reason for _, reason in found),
         free,
         rms,
+        standoff,
+        sd,
         share,
-        covariance,
-        other,
+        covariance[:6, :6],
+        None if second is None else second[0],
         ratio,
     )
+
+
+def _size(scene: Scene, pose: FloatArray) -> tuple[float, float]:
+    """Share by which the scan of a bare link would have to grow to fit best, and its deviation."""
+    grown, about = 0.0, scene.scan.mean(axis=0)
+    for _ in range(ROUNDS):
+        scaled = replace(scene, scan=about + np.exp(grown) * (scene.scan - about))
+        rows, high, weight, middle = linearised(scaled, pose, 0.0)
+        rows = np.delete(rows, 6, axis=1)  # a cover that is fitted as well would hide the size
+        normal = (rows * weight[:, None]).T @ rows + 1e-9 * len(rows) * np.eye(7)
+        inverse = np.asarray(np.linalg.inv(normal), np.float64)
+        step = -inverse @ ((rows * weight[:, None]).T @ high)
+        pose, grown = _moved(pose, middle, step[:6]), grown + float(step[6])
+    square = max(float(weight @ high**2) / max(float(weight.sum()), 1.0), NOISE**2)
+    return grown, float(np.sqrt(square * inverse[6, 6]))
 
 
 def carried(
@@ -385,37 +473,41 @@ def carried(
     return moved, covariance + sigma[:, None, None] ** 2 * np.eye(3)
 
 
-def free_motions(scene: Scene, pose: FloatArray) -> tuple[tuple[str, ...], FloatArray]:
-    """Free motions at a pose in words, and the covariance (6, 6) of the pose.
+def free_motions(
+    scene: Scene, pose: FloatArray, standoff: float
+) -> tuple[tuple[str, ...], FloatArray]:
+    """Free motions at a pose in words, and the covariance (7, 7) of the pose and the standoff.
 
     The motions tried are the eigenvectors of the normal matrix, turns measured at the scan's
     radius; each is carried out, as normals of a mesh waver more than its places. One that is
     stopped on one side only (a scan at the rim of a tube) is free.
     """
-    rows, high, weight, middle = linearised(scene, pose)
+    rows, high, weight, middle = linearised(scene, pose, standoff)
     points = scene.scan @ pose[:3, :3].T + pose[:3, 3]
     radius = float(np.sqrt(np.mean(np.sum((points - middle) ** 2, axis=1))))
-    scale = np.repeat([1.0 / radius, 1.0], 3)
-    scaled = rows * scale
+    scale = np.repeat([1.0 / radius, 1.0], [3, 4])
+    scaled = rows[:, :7] * scale
     total = max(float(weight.sum()), 1.0)
     mean = (scaled * weight[:, None]).T @ scaled / total
     square = max(float(weight @ high**2) / total, NOISE**2)
-    _, vectors = np.linalg.eigh(mean)
-    covariance = square / total * np.linalg.inv(mean + 1e-9 * np.eye(6))
+    _, vectors = np.linalg.eigh(mean[:6, :6])
+    mean[6, 6] += square / total / COVER_SIGMA**2
+    covariance = square / total * np.linalg.inv(mean + 1e-9 * np.eye(7))
     covariance = covariance * np.outer(scale, scale)
+    if standoff == 0.0:  # it was held, so the pose may be off by as much as it would have moved
+        left = -covariance[:, :7] @ ((rows[:, :7] * weight[:, None]).T @ high) / square
+        covariance += np.outer(covariance[:, 6], covariance[6]) * (left[6] / covariance[6, 6]) ** 2
+
+    def level(step: FloatArray) -> float:
+        """Mean square distance [m2] once the pose is moved by a turn [rad] and a shift [m]."""
+        raised = scene.heights(_moved(pose, middle, step), standoff)
+        return float(np.minimum(raised**2, WIDTH**2).mean())
+
     raised = [
-        min(_square(scene, pose, middle, sign * MOVED * scale * vector) for sign in (-1, 1))
-        for vector in vectors.T
+        min(level(sign * MOVED * scale[:6] * vector) for sign in (-1, 1)) for vector in vectors.T
     ]
-    level = _square(scene, pose, middle, np.zeros(6))
-    free = vectors[:, np.array(raised) - level < RAISED * square]
+    free = vectors[:, np.array(raised) - level(np.zeros(6)) < RAISED * square]
     return _named(free, middle, radius, scene.target.vertices), covariance
-
-
-def _square(scene: Scene, pose: FloatArray, middle: FloatArray, step: FloatArray) -> float:
-    """Mean square distance [m2] once a pose is moved by a turn [rad] and a shift [m]."""
-    high = scene.heights(_moved(pose, middle, step))
-    return float(np.minimum(high**2, WIDTH**2).mean())
 
 
 def _named(

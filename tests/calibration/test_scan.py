@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 import trimesh
@@ -167,3 +169,49 @@ def test_scan_command_writes_a_pose_and_a_report(tmp_path, bracket, rng):
     assert done.exit_code == 3
     assert json.loads(done.stdout)["files"] == ["refused.html"]
     assert json.loads((tmp_path / "out" / "pose.json").read_text()) == kept
+
+
+def test_covered_link_stands_off_its_mesh(bracket, rng):
+    """A skin 2 mm thick all round: the pose of the whole scan is that of the bare link."""
+    points, face = trimesh.sample.sample_surface(bracket, 3000, seed=7)
+    scan = points + 2e-3 * bracket.face_normals[face] + rng.normal(0, 0.5e-3, points.shape)
+    T = pose(10, 8e-3, rng)
+    found = register_scan(moved(T, scan), bracket.vertices, bracket.faces, rng=1)
+    assert found.status is Status.OK
+    assert found.standoff == pytest.approx(2e-3, abs=0.2e-3)
+    assert np.linalg.norm(moved(found.T_mesh_scan @ T, scan) - scan, axis=1).max() < 1e-3
+
+
+def test_anchors_astray_are_named(bracket, rng):
+    """Two rows exchanged, and a scan whose x has the other sign."""
+    scan = seen(bracket, rng)
+    corners = np.array([[3, 4.5, 7], [3, -4.5, 7], [3, 4.5, -7], [-3, 4.5, 7], [6, 5.5, 7.5]]) / 100
+    image = [-1, 1, 1]
+    for points, here, words in (
+        (scan, corners[[1, 0, 2, 3, 4]], r"anchors 1 \(\d+ mm\), 2"),
+        (scan * image, corners * image, "mirror the scan"),
+    ):
+        anchors = here, corners
+        found = register_scan(points, bracket.vertices, bracket.faces, anchors=anchors, rng=1)
+        assert found.status is Status.AMBIGUOUS
+        assert re.search(words, " ".join(found.reasons)), found.reasons
+
+
+def test_taxels_are_no_better_known_than_their_scan(tmp_path, bracket, rng):
+    """Without the column `sigma`."""
+    from click.testing import CliRunner
+
+    from skinmap.cli.main import cli
+
+    scan = seen(bracket, rng)
+    np.savetxt(tmp_path / "scan.csv", scan, delimiter=",", header="x,y,z", comments="")
+    rows = np.column_stack([np.arange(9), scan[:9]])
+    head = "channel,x,y,z"
+    np.savetxt(tmp_path / "t.csv", rows, fmt="%g", delimiter=",", header=head, comments="")
+    bracket.export(tmp_path / "link.stl")
+    words = ["scan.csv", "--mesh", "link.stl", "--taxels", "t.csv", "-o", "out"]
+    words = [str(tmp_path / word) if "." in word or word == "out" else word for word in words]
+    assert CliRunner().invoke(cli, ["calibrate", "scan", *words]).exit_code == 0
+    table = np.genfromtxt(tmp_path / "out" / "taxels.csv", delimiter=",", names=True)
+    # The scan strays by 0.7 mm.
+    assert all((table[name] > 0.5e-3**2).all() for name in ("cxx", "cyy", "czz"))

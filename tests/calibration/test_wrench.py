@@ -18,7 +18,7 @@ WRENCH_NAMES = ("points", "frames", "forces", "moments")
 POINT, MOMENT = 2e-3, 5e-3  # [m], [N m]
 
 
-def presses(rng, m=60, *, point=POINT, moment=MOMENT, outliers=0.0):
+def presses(rng, m=60, *, point=POINT, moment=MOMENT, outliers=0.0, aslant=0.3):
     """Touches of a bent patch on an arm that moves before its sensor, and the true mount."""
     mount = np.eye(4)
     mount[:3, :3] = Rotation.random(rng=rng).as_matrix()
@@ -30,7 +30,7 @@ def presses(rng, m=60, *, point=POINT, moment=MOMENT, outliers=0.0):
     frames[:, :3, :3] = Rotation.random(m, rng=rng).as_matrix()
     frames[:, :3, 3] = rng.normal(0, 0.1, (m, 3))
     T = frames @ mount
-    push = inward + rng.normal(0, 0.3, (m, 3))
+    push = inward + rng.normal(0, aslant, (m, 3))
     push *= (rng.uniform(2, 10, m) / np.linalg.norm(push, axis=1))[:, None]
     forces = np.einsum("mij,mj->mi", T[:, :3, :3], push)
     pressed = points + rng.normal(0, point, (m, 3))
@@ -124,6 +124,21 @@ def test_wrench_finds_a_mount(tmp_path):
     np.savez(path, **(arrays | scaled), taxels=1e3 * points)
     again = run("wrench", path, "--units", "mm")
     np.testing.assert_allclose(again["mount"], result["mount"], rtol=0, atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("side", "aslant", "reason"),
+    [(-1, 0.3, "the mirrored drawing fits better"), (1, 0.0, "another place fits")],
+)
+def test_wrench_names_a_place_that_fits_as_well(tmp_path, side, aslant, reason):
+    """A drawing from the other side; presses along the normals of a cylinder, turned about it."""
+    _, (points, frames, forces, moments) = presses(np.random.default_rng(3), aslant=aslant)
+    points = points * [side, 1, 1]
+    path = tmp_path / "touches.npz"
+    np.savez(path, points=points, frames=frames, forces=forces, moments=moments, taxels=points)
+    result = run("wrench", path, "-o", tmp_path / "out", code=3)
+    assert result["status"] == "ambiguous"
+    assert reason in result["reasons"][0]
 
 
 def test_wrench_on_a_small_spot_is_unobservable(tmp_path):
