@@ -81,8 +81,8 @@ class LoadResult(Calibrated):
     top_n
         Highest force of the evidence [N]; null for pressures.
     rest_bar
-        What a reference reads while the skin rests, taken off, by recording [bar]; those that read
-        0 are left out.
+        Reading of a reference while the skin rests, taken off, by recording [bar]; references that
+        read 0 are left out.
     uneven
         Standard deviation of a taxel's pressure by uneven contact, as a share: masses and forces
         give the mean over their channels.
