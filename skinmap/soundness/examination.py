@@ -18,7 +18,7 @@ from skinmap.soundness.rest_faults import rest_faults, session_offsets
 from skinmap.soundness.set_faults import set_faults, together
 from skinmap.soundness.survey import Survey, survey
 from skinmap.soundness.time_faults import time_faults
-from skinmap.soundness.track import Track, check_track, read_tracks, tracks_of
+from skinmap.soundness.track import Track, check_track, tables_in, tracks_of
 
 if TYPE_CHECKING:
     from skinmap.touch.recording import Recording
@@ -76,7 +76,7 @@ def examine(recording: Recording | list[Recording] | str | Path) -> list[Finding
     [('dead', [3])]
     """
     if isinstance(recording, str | Path):
-        found = read_tracks(Path(recording))
+        found = tables_in(Path(recording))
     else:
         found = [check_track(one) for one in tracks_of(recording)]
     return in_order(one for track in found for one in examine_track(track)[0].findings)

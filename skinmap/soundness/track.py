@@ -567,7 +567,7 @@ def _from_stream(path: Path) -> Track:
     )  # fmt: skip
 
 
-def read_tracks(path: Path) -> list[Track]:
+def tables_in(path: Path) -> list[Track]:
     """The tables of a recording: one, or one for each part of ours that has times of its own."""
     if not is_own_archive(path):
         return [read_track(path)]
@@ -579,4 +579,4 @@ def read_tracks(path: Path) -> list[Track]:
 def tracks(paths: list[Path]) -> Iterator[Track]:
     """The tables of the recordings that paths name, each once."""
     for path in dict.fromkeys(one for given in paths for one in files_of(given)):
-        yield from read_tracks(path)
+        yield from tables_in(path)
