@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from skinmap.errors import SkinError, WrongTypeError
+from skinmap.errors import MissingFileError, SkinError, WrongTypeError
 
 if TYPE_CHECKING:
     from skinmap.flat.flat_map import FlatMap
@@ -29,6 +29,12 @@ PART = "part"  # the keyword that chooses a skin where a robot is given
 NAMED = re.compile(r"\b[A-Za-z_]\w*")
 # Words of annotations that any value may fit.
 OPEN = {"Any", "ArrayLike", "Callable", "Sequence", "Iterable", "Mapping", "Literal", "object"}
+PUBLIC = {"TouchClassifier": "Classifier"}  # other names in annotations of public classes
+NAMES = ("Sequence[str]", "Sequence[str] | None")  # where one name is as good as a list of it
+RETURNS = "\n\n    Returns\n"
+PART_TOLD = """
+    part : str, optional
+        The part whose skin is meant, where a robot or its name is given first."""
 INSIDE = (AttributeError, TypeError, KeyError, IndexError, ValueError)
 
 
@@ -130,6 +136,7 @@ def accepting(function: F) -> F:
     signature = inspect.signature(function)
     parameters = signature.parameters
     asked = {name: _words(one.annotation) for name, one in parameters.items()}
+    several = {name for name, one in parameters.items() if one.annotation in NAMES}
     first = next(iter(parameters), "")
     takes_part = PART not in parameters and bool(asked.get(first, set()) & PARTED)
 
@@ -146,8 +153,16 @@ def accepting(function: F) -> F:
                 f"{function.__name__}: part chooses a skin of a robot, and {first} is "
                 f"{_shown(subject(arguments, options))}"
             )
-        if arguments and first in parameters:
-            arguments = (_made(arguments[0], asked[first], part), *arguments[1:])
+        named = dict(zip(parameters, arguments, strict=False))
+        for given in (named, options):
+            given.update({k: (given[k],) for k in several if isinstance(given.get(k), str)})
+        arguments = (*named.values(), *arguments[len(named) :])
+        try:
+            if arguments and first in parameters:
+                arguments = (_made(arguments[0], asked[first], part), *arguments[1:])
+        except MissingFileError as error:  # arguments in the wrong order, perhaps
+            rest = {k: v for k, v in named.items() if {type(v).__name__} & asked[first]}
+            raise _misfit(function.__name__, parameters, rest) or error from error
         named = dict(zip(parameters, arguments, strict=False))
         arguments = (
             tuple(_made(v, asked.get(k, set())) for k, v in named.items()) + arguments[len(named) :]
@@ -163,13 +178,18 @@ def accepting(function: F) -> F:
                 raise
             raise wrong from error
 
+    if takes_part:
+        own = inspect.Parameter(PART, inspect.Parameter.KEYWORD_ONLY, default=None,
+                                annotation="str | None")  # fmt: skip
+        call.__signature__ = signature.replace(parameters=[*parameters.values(), own])  # type: ignore[attr-defined]
+        call.__doc__ = (function.__doc__ or "").replace(RETURNS, PART_TOLD + RETURNS, 1)
     call.__module__ = "skinmap"  # where it is found again when it is sent to another process
     return call  # type: ignore[return-value]
 
 
 def _words(annotation: Any) -> set[str]:
     text = annotation if isinstance(annotation, str) else getattr(annotation, "__name__", "Any")
-    return set(NAMED.findall(text))
+    return {PUBLIC.get(word, word) for word in NAMED.findall(text)}
 
 
 def _wrong(
@@ -177,7 +197,21 @@ def _wrong(
 ) -> WrongTypeError | None:
     """The first argument of another type than its annotation, or that has no parameter."""
     parameters = signature.parameters
-    for name, value in {**dict(zip(parameters, arguments, strict=False)), **options}.items():
+    given = {**dict(zip(parameters, arguments, strict=False)), **options}
+    if wrong := _misfit(called, parameters, given):
+        return wrong
+    try:
+        signature.bind(*arguments, **options)
+    except TypeError as error:
+        return WrongTypeError(f"{called}: {error}; it takes {', '.join(parameters)}")
+    return None
+
+
+def _misfit(
+    called: str, parameters: Mapping[str, inspect.Parameter], given: Mapping[str, Any]
+) -> WrongTypeError | None:
+    """The first of some arguments that is of another type than its annotation."""
+    for name, value in given.items():
         if name not in parameters:
             break
         annotation = parameters[name].annotation
@@ -190,12 +224,10 @@ def _wrong(
             continue
         plain = {"str", "int", "float", "bool", "dict"} & {type(value).__name__}
         foreign = wanted & OPEN and not (plain or type(value).__module__.startswith("skinmap"))
+        foreign = foreign and not ("ndarray" in kinds and wanted & set(MAKERS))
         if not fits and not foreign and wanted:
-            return WrongTypeError(f"{called}: {name} must be {annotation}, not {_shown(value)}")
-    try:
-        signature.bind(*arguments, **options)
-    except TypeError as error:
-        return WrongTypeError(f"{called}: {error}; it takes {', '.join(parameters)}")
+            words = NAMED.sub(lambda found: PUBLIC.get(found[0], found[0]), str(annotation))
+            return WrongTypeError(f"{called}: {name} must be {words}, not {_shown(value)}")
     return None
 
 
@@ -271,6 +303,6 @@ MAKERS: dict[str, Callable[[Any, str | None], Any]] = {
     "FlatMap": _flat,
     "Skin": _skin,
     "Recording": _recordings,
-    "TouchClassifier": _classifier,
+    "Classifier": _classifier,
 }
 PARTED = {"Skin", "SurfaceMesh", "FlatMap"}

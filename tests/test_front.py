@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import pickle
 
 import numpy as np
@@ -50,6 +51,60 @@ WRONG = {
     "mount of numbers": (lambda s: skinmap.fit_mount(1, 2), "fit_mount"),
     "plane of numbers": (lambda s: skinmap.fit_plane(1, 2, 3), "contacts must be PlaneContacts"),
     "layout of a number": (lambda s: skinmap.wrap_layout(1), "wrap_layout"),
+    "avoid no taxel": (
+        lambda s: skinmap.flatten(s, avoid=[1000]),
+        "avoid must hold numbers",
+    ),
+    "avoid half a taxel": (lambda s: skinmap.flatten(s, avoid=[1.5]), "0 to 239"),
+    "cut to no taxel": (lambda s: skinmap.flatten(s, cuts=[[1, 500]]), "cuts must hold numbers of"),
+    "cut at one taxel": (lambda s: skinmap.flatten(s, cuts=[1, 2, 3]), "in pairs, 0 to 239"),
+    "half an iteration": (
+        lambda s: skinmap.flatten(s, iterations=2.5),
+        "a whole number, 1 or more",
+    ),
+    "part of nothing": (lambda s: skinmap.load_robot("icub").skin(None), "no part 'None'; the"),
+    "part of a list": (lambda s: skinmap.load_robot("icub").skin(["torso"]), "no part \"['torso']"),
+    "image of a number": (
+        lambda s: skinmap.contact_image(skinmap.flatten(s), np.zeros(240), shape=66),
+        "shape must be (rows, columns), got 66",
+    ),
+    "codebook turned round": (
+        lambda s: skinmap.learn_codebook(
+            [(np.zeros((2, 240)), skinmap.find_structures(skinmap.flatten(s)))], rng=0
+        ),
+        "pairs (Structures, samples)",
+    ),
+    "codebook of no sample": (
+        lambda s: skinmap.learn_codebook(
+            [(skinmap.find_structures(skinmap.flatten(s)), np.zeros((0, 240)))], rng=0
+        ),
+        "a codebook needs samples",
+    ),
+    "contacts of texts": (lambda s: skinmap.find_contacts(s, ["1"] * 240), "must be numbers"),
+    "simulate none": (lambda s: skinmap.simulate(s, per_gesture=0), "per_gesture must be a whole"),
+    "simulate less": (lambda s: skinmap.simulate(s, per_gesture=-1), "per_gesture must be a whole"),
+    "simulate no kind": (lambda s: skinmap.simulate(s, gestures=[]), "number of gestures must be"),
+    "simulate nobody": (lambda s: skinmap.simulate(s, subjects=0), "subjects must be a whole"),
+    "simulate nan": (lambda s: skinmap.simulate(s, variety=np.nan), "variety must lie in 0..2"),
+    "simulate at home": (lambda s: skinmap.simulate(s, places="home"), "no place 'home'"),
+    "simulate without luck": (lambda s: skinmap.simulate(s, rng=-1), "a seed must be 0 or more"),
+    "save nothing": (lambda s: skinmap.save_recordings([], "a.npz"), "no recording to write"),
+    "save turned round": (
+        lambda s: skinmap.save_recordings("new.npz", skinmap.simulate(s, per_gesture=1)),
+        "path must be str | Path, not Recording",
+    ),
+    "save to no folder": (
+        lambda s: skinmap.save_recordings(skinmap.simulate(s, per_gesture=1), "nodir/x.npz"),
+        "cannot write 'nodir/x.npz'",
+    ),
+    "save a table": (
+        lambda s: skinmap.save_recordings(skinmap.simulate(s, per_gesture=1), "x.csv"),
+        "the formats are: .npz, .mcap",
+    ),
+    "classify arrays": (
+        lambda s: skinmap.classify(np.zeros((9, 240)), skinmap.default_model(), "kaspar"),
+        "recordings must be Recording",
+    ),
 }
 
 
@@ -79,6 +134,16 @@ def test_recordings_and_models_may_be_files(skin, tmp_path):
     assert len(named) >= 24
 
 
+def test_one_name_is_as_good_as_a_list_of_it(skin):
+    assert set(skinmap.simulate(skin, per_gesture=1, gestures="poke").labels) == {"poke"}
+
+
+def test_part_stands_in_signature_and_docstring():
+    assert "part" in inspect.signature(skinmap.flatten).parameters
+    assert "    part : str, optional" in skinmap.flatten.__doc__
+    assert "part" not in inspect.signature(skinmap.train).parameters
+
+
 def test_public_function_is_found_again_in_another_process():
     assert pickle.loads(pickle.dumps(skinmap.flatten)) is skinmap.flatten
 
@@ -101,6 +166,12 @@ def test_flat_map_and_mesh_write_their_figures(skin, tmp_path, suffix):
     with pytest.raises(skinmap.OutputError, match=r"\.png, \.svg or \.pdf"):
         mesh.save(tmp_path / "figure.txt")
     assert mesh.plot().axes
+
+
+def test_a_mesh_is_drawn_with_its_edges_and_taxels(skin):
+    (axis, *_) = skinmap.build_surface(skin).plot().axes
+    assert len(axis.collections) == 2
+    assert len(axis.lines[0].get_xdata()) > 200
 
 
 def test_charts_are_shown_in_a_line(skin):

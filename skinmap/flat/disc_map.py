@@ -12,7 +12,7 @@ from skinmap.arrays import FloatArray, IntArray, check_faces, check_points
 from skinmap.errors import FlatteningError, InvalidMeshError, SkinWarning
 from skinmap.flat.budget import Choice, within_budget
 from skinmap.flat.disc import Disc
-from skinmap.flat.methods import apply_flattener, check_effort
+from skinmap.flat.methods import OWN, apply_flattener, check_effort
 from skinmap.geometry.topology import check_surface, loop_length, loops_by_length
 from skinmap.geometry.triangles import vertex_normals
 from skinmap.surface.holes import close_loop, used_chords
@@ -138,7 +138,9 @@ def _attempt(name: str, disc: Disc, iterations: int | None) -> FloatArray | None
     """Coordinates (n, 2) by one method; None where it fails, flips or is not finite."""
     try:
         uv = apply_flattener(name, disc, iterations=iterations)
-    except Exception:  # whatever a library or a plug-in stumbles over, another method may not
+    except Exception as error:  # what a library or a plug-in stumbles over, another may not
+        if isinstance(error, TypeError) and name in OWN:  # a fault of the call, not of the surface
+            raise
         logger.info("flattening method %s fails", name, exc_info=True)
         return None
     return uv if disc.is_injective(uv) else None

@@ -264,7 +264,7 @@ def flatten(
         No such method.
     InvalidArrayError
         A budget that is not positive, or with another method than `auto`; iterations
-        that the method cannot have.
+        that the method cannot have; taxels that the mesh has not.
     FlatteningError
         A patch with a triangle without area, or one that no method lays flat without a flip;
         `periodic` and a patch that is neither a disc nor a tube.
@@ -283,12 +283,10 @@ def flatten(
     if max_distortion is not None and not max_distortion > ISOMETRY:
         raise InvalidArrayError(f"max_distortion must be above {ISOMETRY:g}, got {max_distortion}")
     cutting = _Cutting(
-        mesh.representative[np.asarray([] if avoid is None else avoid, np.int64)],
+        _taxels_of(mesh, avoid, "avoid"),
         None if touched is None else check_finite(touched, "touched", (len(mesh.skin),)),
-        None
-        if touches is None
-        else [mesh.representative[np.asarray(t, np.int64)] for t in touches],
-        mesh.representative[np.asarray([] if cuts is None else cuts, np.int64).reshape(-1, 2)],
+        None if touches is None else [_taxels_of(mesh, one, "touches") for one in touches],
+        _taxels_of(mesh, cuts, "cuts", 2).reshape(-1, 2),
         periodic,
         max_distortion,
     )
@@ -307,6 +305,17 @@ def flatten(
     for chart in charts:
         uv[chart.taxels] = chart.uv
     return FlatMap(mesh, tuple(charts), uv[mesh.representative])
+
+
+def _taxels_of(mesh: SurfaceMesh, taxels: ArrayLike | None, name: str, each: int = 1) -> IntArray:
+    """The vertices of some taxels that the user names, `each` of them in a row."""
+    found, last = np.asarray([] if taxels is None else taxels), len(mesh.skin) - 1
+    if found.size % each or (
+        found.size and (found.dtype.kind not in "iu" or found.min() < 0 or found.max() > last)
+    ):
+        shape = " in pairs" * (each == 2)
+        raise InvalidArrayError(f"{name} must hold numbers of taxels{shape}, 0 to {last}")
+    return mesh.representative[found.astype(np.int64)]
 
 
 def _lone_taxels(mesh: SurfaceMesh, method: str) -> FlatMap:

@@ -55,12 +55,12 @@ def check_effort(method: str, iterations: int | None) -> None:
     Raises
     ------
     InvalidArrayError
-        Fewer than one iteration, or a method without iterations.
+        Fewer than one iteration, not a whole number, or a method without iterations.
     """
     if iterations is None:
         return
-    if iterations < 1:
-        raise InvalidArrayError(f"iterations must be 1 or more, got {iterations}")
+    if not isinstance(iterations, int | np.integer) or iterations < 1:
+        raise InvalidArrayError(f"iterations must be a whole number, 1 or more, got {iterations!r}")
     if method not in ITERATED:
         raise InvalidArrayError(
             f"iterations need one of the methods {', '.join(ITERATED)}, got {method!r}"

@@ -89,11 +89,25 @@ def mesh_figure(mesh: SurfaceMesh) -> Any:
     colours = np.tile(BOARD[0], (len(body), 1))
     for axis, view in zip(figure.subplots(1, len(views), squeeze=False)[0], views, strict=True):
         draw_surface(axis, view, body, normals, colours)
+        if len(body) < EDGED:  # a flat skin is one shade: edges and taxels show the mesh
+            seen = visible(view, mesh.vertices, mesh.faces, len(mesh.vertices))
+            inner = body[normals @ view.out > 0.0]
+            _draw_edges(axis, view.project(inner)[..., :2])
+            x, y = view.project(mesh.vertices[seen])[:, :2].T
+            axis.plot(x, y, ".", color=BOARD[1], markersize=2.5)
         _frame_body(axis)
         axis.set_title(view.name, fontsize=9, y=1.0)
     figure.suptitle(f"{mesh.skin.part}: {len(mesh.skin):,} taxels, {len(mesh.faces):,} triangles",
                     fontsize=11)  # fmt: skip
     return figure
+
+
+def _draw_edges(axis: Any, triangles: FloatArray) -> None:
+    from matplotlib.collections import PolyCollection
+
+    axis.add_collection(
+        PolyCollection(list(triangles), facecolors="none", edgecolors="#8a929b", linewidths=0.3)
+    )
 
 
 def _disc_figure(mesh: SurfaceMesh, places: FloatArray, words: str) -> Any:

@@ -34,8 +34,8 @@ def structures_figure(skins: Mapping[str, PreparedSkin], found: Structures, path
     more = f" ({COLOURS} colours, rarer ones black)" if len(found.prototypes) > COLOURS else ""
     turned = "with" if found.prototypes.rotations > 1 else "without"
     top.suptitle(
-        f"{len(found.prototypes)} structures {turned} rotation{more}; number: taxels that have "
-        "it; hollow: optional",
+        f"{len(found.prototypes)} structure{'s' * (len(found.prototypes) != 1)} {turned} "
+        f"rotation{more}; number: taxels that have it; hollow: optional",
         fontsize=11,
     )
     for place, (name, skin, labels) in enumerate(_by_part(skins, found)):

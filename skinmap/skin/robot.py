@@ -159,15 +159,15 @@ class Robot(Summary):
         UnknownNameError
             No such part (lists those that exist).
         """
-        if name not in self.part_specs:
-            raise UnknownNameError("part", name, self.part_specs)
+        if not isinstance(name, str) or name not in self.part_specs:
+            raise UnknownNameError("part", str(name), self.part_specs)
         return self.part_specs[name]
 
     def skin(self, part: str) -> Skin:
         """The taxels of a part with repaired normals; reads its table and its link's mesh."""
+        link = self.part(part).link
         if part not in self._skins:
             report = self.repair(part)
-            link = self.part(part).link
             keep = NORMALS not in self.steps
             # Robots stand on z: its direction in the link tells which end of a limb is up.
             up = self.body.poses({})[link][2, :3]

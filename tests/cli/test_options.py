@@ -48,6 +48,9 @@ def test_a_recording_knows_its_robot(own, name, tmp_path):
     named = run("classify", model, own / name, "--json")
     assert named.exit_code == 0, named.exception
     assert json.loads(named.stdout)["events"] == len(recording.labels)
+    arrays = tmp_path / "arrays.npz"
+    assert run("export", own / name, "-o", arrays).exit_code == 0
+    assert skinmap.load_recordings(arrays)[0].robot == recording.robot
     (tmp_path / "m.txt").write_bytes(model.read_bytes())  # holds no robot: the recording is asked
     named = run("classify", tmp_path / "m.txt", own / name, "--json")
     assert named.exit_code == 0, named.exception

@@ -63,6 +63,12 @@ def test_its_surface_and_its_map_are_discs(robot):
     assert np.allclose(fine.smooth.sum(axis=1), 1.0)
 
 
+def test_inspect_names_them_too_few(robot):
+    result = CliRunner().invoke(cli, ["inspect", str(robot), "--json"])
+    (part,) = json.loads(result.stdout)["parts"]
+    assert "too few taxels for a surface: each stands for a disc" in part["warnings"]
+
+
 def test_a_pressed_taxel_is_a_contact(robot):
     skin = skinmap.load_robot(robot).skin("tip")
     pressures = np.zeros(len(skin))

@@ -48,6 +48,8 @@ def inspect_part(robot: Robot, name: str) -> PartRow:
         standing = _standing(skin, mesh, found, spec.cover)
         more |= _fit_figures(found) | {"standing": standing}
         warnings = _fit_warnings(found, standing)
+    if len(skin) < 3:
+        warnings.append("too few taxels for a surface: each stands for a disc")
     warnings += _same_place(robot, name)
     if spec.layout is not None:
         check = check_modules(report.table, skin, spec.layout, robot.module_frames(name))

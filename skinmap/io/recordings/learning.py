@@ -70,6 +70,7 @@ def about(track: RecordedStream) -> dict[str, Any]:
         "name": track.info.name,
         "kind": track.kind,
         "robot": track.info.robot,
+        "manifest": track.manifest,
         "rate_hz": track.info.rate,
         "clock": track.info.clock,
         "parts": list(track.parts),
@@ -234,6 +235,7 @@ def track_of_arrays(arrays: Any, path: Path) -> RecordedStream:
             if f"{part}/{TAXELS[0]}" in arrays
         },
         samples=told["samples"],
+        manifest=str(told.get("manifest", "")),  # files of before have none
     )
 
 

@@ -13,7 +13,9 @@ from skinmap.archive import open_arrays
 from skinmap.errors import (
     DAMAGED_ARCHIVE,
     DataFormatError,
+    InvalidArrayError,
     MissingFileError,
+    OutputError,
     SkinMismatchError,
     UnknownNameError,
     check_kind,
@@ -126,7 +128,7 @@ def save_recordings(
     recordings : Recording or sequence of Recording
         One a part. In MCAP they share their times: a shorter one is known to end sooner.
     path : str or Path
-        Ends in .npz or .mcap.
+        Ends in .npz or .mcap. A file that is there is replaced.
     suffix : str, optional
         Format, where the path's own suffix does not tell.
     robot : Robot, optional
@@ -138,6 +140,8 @@ def save_recordings(
         A suffix that no writer has.
     SkinMismatchError
         Parts that cannot stand in one MCAP file: another time for the same sample.
+    InvalidArrayError
+        No recording.
     OutputError
         The file cannot be written.
 
@@ -153,11 +157,18 @@ def save_recordings(
     recordings = [recordings] if isinstance(recordings, Recording) else recordings
     path = Path(path)
     name = path if suffix is None else path.with_suffix(suffix)
-    check_suffix(name)
+    if name.suffix.lower() not in SUFFIXES:
+        raise UnknownNameError("format to write recordings in for files ending in", name.suffix,
+                               SUFFIXES)  # fmt: skip
+    if not recordings:
+        raise InvalidArrayError("no recording to write")
     if robot is not None:
         recordings = [replace(one, robot=one.robot or robot.origin) for one in recordings]
     if name.suffix.lower() == ".npz":
-        archive.save_recordings(list(recordings), path)
+        try:
+            archive.save_recordings(list(recordings), path)
+        except OSError as error:
+            raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from error
     else:
         _save_mcap(recordings, path, robot)
 

@@ -230,7 +230,7 @@ def check_pressures(pressures: ArrayLike, geometry: SkinGeometry) -> NDArray[Any
     SkinMismatchError
         Pressures of another length than the skin.
     InvalidArrayError
-        NaN or infinity (names the taxel).
+        NaN or infinity (names the taxel), or what is not numbers.
     """
     array = np.asarray(pressures)
     if array.ndim not in (1, 2) or array.shape[-1] != len(geometry):
@@ -238,6 +238,8 @@ def check_pressures(pressures: ArrayLike, geometry: SkinGeometry) -> NDArray[Any
             f"{array.shape[-1] if array.ndim else array.size} pressures for the {len(geometry)} "
             f"taxels of {geometry.mesh.skin.part!r}"
         )
+    if array.dtype.kind not in "biuf":
+        raise InvalidArrayError(f"pressures must be numbers, not {array.dtype}")
     if array.dtype.kind == "f" and not np.isfinite(array).all():
         taxel = int(np.argwhere(~np.isfinite(array))[0, -1])
         raise InvalidArrayError(f"pressures hold NaN or infinity, first at taxel {taxel}")

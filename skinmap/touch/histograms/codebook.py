@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import FloatArray, check_finite, freeze
-from skinmap.errors import InvalidArrayError, SkinMismatchError
+from skinmap.errors import InvalidArrayError, SkinMismatchError, WrongTypeError
 from skinmap.neighbours.structures import Prototypes, Structures
 from skinmap.summary import Summary
 
@@ -150,10 +150,14 @@ def learn_codebook(
     rng = np.random.default_rng(rng)
     if not skins or words < 2:
         raise InvalidArrayError(f"a codebook needs a skin and 2 words, got {len(skins)}, {words}")
+    if not all(isinstance(structures, Structures) for structures, _ in skins):
+        raise WrongTypeError("skins of a codebook are pairs (Structures, samples), in this order")
     prototypes = skins[0][0].prototypes
     if any(structures.prototypes is not prototypes for structures, _ in skins):
         raise InvalidArrayError("all skins of a codebook must share the same prototypes")
     checked = [(structures, check_samples(x, len(structures.labels))) for structures, x in skins]
+    if not sum(len(x) for _, x in checked):
+        raise InvalidArrayError("a codebook needs samples, got 0")
     scale = _scale(max(float(np.abs(x).max(initial=0.0)) for _, x in checked))
     scaled = [(structures, x * scale) for structures, x in checked]
     width = prototypes.offsets.shape[1] + 1

@@ -269,6 +269,8 @@ def contact_image(
     >>> round(float(image.max()), 3)
     100.0
     """
+    if shape is not None and (not isinstance(shape, tuple | list) or len(shape) != 2):
+        raise InvalidArrayError(f"shape must be (rows, columns), got {shape!r}")
     geometry = image_geometry(flat, pitch=pitch, shape=shape)
     several = np.ndim(pressures) == 2
     pixels = geometry.images(pressures) if several else geometry.image(pressures)

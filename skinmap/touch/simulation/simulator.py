@@ -15,13 +15,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import get_args
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.errors import UnknownNameError
+from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.log_map import LogMaps
 from skinmap.geometry.point_surface import PointSurface
 from skinmap.geometry.proximity import bridged_graph
@@ -182,7 +183,9 @@ def simulate(
     Raises
     ------
     UnknownNameError
-        A gesture that does not exist.
+        A gesture or a kind of places that does not exist.
+    InvalidArrayError
+        No gesture, no touch, no subject, a variety beyond 0 to 2, or a seed below 0.
 
     Examples
     --------
@@ -193,7 +196,15 @@ def simulate(
     ('poke', 'poke')
     """
     check_gestures(gestures)
-    rng = np.random.default_rng(rng)
+    if places not in get_args(Places):
+        raise UnknownNameError("place", places, get_args(Places))
+    for what, count in {"per_gesture": per_gesture, "subjects": subjects,
+                        "number of gestures": len(gestures)}.items():  # fmt: skip
+        if count != int(count) or count < 1:
+            raise InvalidArrayError(f"{what} must be a whole number from 1, got {count}")
+    if isinstance(rng, int | np.integer) and rng < 0:
+        raise InvalidArrayError(f"a seed must be 0 or more, got {rng}")
+    rng, variety = np.random.default_rng(rng), check_variety(variety)
     answers = draw_sensing(variety, rng=rng) if sensing is None else sensing
     stage = prepare(skin, rng=rng, sensing=answers, variety=variety)
     people = draw_subjects(subjects, rng=rng, further=beyond(variety))
