@@ -388,7 +388,9 @@ def _distinct(poses: list[FloatArray], scene: Scene) -> list[tuple[FloatArray, f
         if all(scene.apart(pose, other) > APART for other in tried):
             tried.append(pose)
     kept: list[tuple[FloatArray, float]] = []
-    for own in sorted((polish(scene, pose) for pose in tried), key=lambda one: scene.cost(*one)):
+    # Single floats: of poses that differ by rounding alone, that from the given start comes first.
+    ends = [polish(scene, pose) for pose in tried]
+    for own in sorted(ends, key=lambda one: float(np.float32(scene.cost(*one)))):
         if all(scene.apart(own[0], other) > APART for other, _ in kept):
             kept.append(own)
     return kept
