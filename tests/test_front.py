@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import skinmap
+from skinmap.errors import InvalidArrayError
 
 
 @pytest.fixture(scope="module")
@@ -218,3 +219,19 @@ def test_defaults_are_those_of_the_commands(skin):
     one, turned = skinmap.find_structures(flat, rotations=1), skinmap.find_structures(flat)
     assert len(turned.prototypes) < len(one.prototypes)
     assert turned.prototypes.rotations == 6
+
+
+def test_a_loop_takes_names_and_files_and_ends_in_words(tmp_path):
+    model = tmp_path / "m.skinmodel"
+    skinmap.default_model().save(model)
+    source = skinmap.open_source("sim", robot="kaspar", parts=["torso"], speed=np.inf)
+    loop = skinmap.TouchLoop("kaspar", source, classifier=model)
+    assert list(loop.skins) == ["torso"]
+    source.close()
+    with pytest.raises(EOFError, match="the source has ended"):
+        while True:
+            loop.step(0.1)
+    for seconds in (0.0, -1.0, np.nan):  # NaN never ended
+        with pytest.raises(InvalidArrayError, match="seconds must be above 0"):
+            skinmap.record("sim", tmp_path / "r.mcap", seconds)
+    assert not (tmp_path / "r.mcap").exists()

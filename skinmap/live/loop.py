@@ -11,6 +11,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import SkinMismatchError, UnknownNameError
+from skinmap.io.robots.manifest import load_robot
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.named_touch import ContactEvent, NamedTouch, TouchEvent, taken
 from skinmap.live.contacts.touch_history import Entry, TouchBook
@@ -40,6 +42,7 @@ from skinmap.live.sources.source import (
     is_live,
 )
 from skinmap.recognition.classifier import Prediction, TouchClassifier
+from skinmap.recognition.model_file import load_classifier
 from skinmap.skin.robot import Robot
 from skinmap.summary import Summary, listed
 from skinmap.touch.contacts.grouping import RULE, GroupingRule
@@ -61,11 +64,11 @@ class TouchLoop(Summary):
 
     Parameters
     ----------
-    robot : Robot
-        Whose skin it is.
+    robot : Robot, str or Path
+        Whose skin it is; a name or a manifest loads it.
     source : Source
-    classifier : TouchClassifier, optional
-        Trained; without one every contact is a "touch" of confidence NaN.
+    classifier : TouchClassifier, str or Path, optional
+        Trained, or a model file; without one every contact is a "touch" of confidence NaN.
     responses : mapping of str to Response, optional
         Response calibrations of parts that send raw values.
     calibrations : mapping of str to LoadCalibration, optional
@@ -118,10 +121,10 @@ class TouchLoop(Summary):
 
     def __init__(
         self,
-        robot: Robot,
+        robot: Robot | str | Path,
         source: Source,
         *,
-        classifier: TouchClassifier | None = None,
+        classifier: TouchClassifier | str | Path | None = None,
         responses: Mapping[str, Response] | None = None,
         calibrations: Mapping[str, LoadCalibration] | None = None,
         parts: Sequence[str] | None = None,
@@ -132,6 +135,10 @@ class TouchLoop(Summary):
         singly: bool = False,
         live: bool | None = None,
     ) -> None:
+        if isinstance(robot, str | Path):
+            robot = load_robot(robot)
+        if isinstance(classifier, str | Path):
+            classifier = load_classifier(classifier)
         self._singly, self._live = singly, live
         self.robot, self.counts = robot, Counts()
         self.feed = Feed(robot, source, self.counts, reopen)

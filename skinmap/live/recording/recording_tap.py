@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skinmap.errors import OutputError, SkinWarning, UnknownNameError
+from skinmap.errors import InvalidArrayError, OutputError, SkinWarning, UnknownNameError
 from skinmap.live.recording.recorder import Recorder, continued
 from skinmap.live.response.sample_checks import fall_of
 from skinmap.live.sources.open_source import open_source, resolve_robot
@@ -183,6 +183,8 @@ def record(
     ------
     UnknownNameError
         A source that does not exist, or a path of another suffix.
+    InvalidArrayError
+        Seconds that are not above 0.
     OutputError
         The file is there already, or cannot be written.
     SkinMismatchError
@@ -201,6 +203,8 @@ def record(
     file = Path(path)
     if file.suffix.lower() != ".mcap":
         raise UnknownNameError("format to record in for files ending in", file.suffix, [".mcap"])
+    if seconds is not None and not seconds > 0:
+        raise InvalidArrayError(f"seconds must be above 0, got {seconds}")
     for path in (file, *continued(file)):
         if path.exists() and not replace:
             raise OutputError(f"{str(path)!r} exists already")

@@ -385,6 +385,9 @@ def is_live(source: Source) -> bool:
 class SourceEnded(EOFError):  # noqa: N818 - no error: a recording has an end
     """Nothing more will come."""
 
+    def __init__(self, words: str = "the source has ended: nothing more will come") -> None:
+        super().__init__(words)
+
 
 def blocks(source: Source, *, timeout: float = 1.0) -> Iterator[Block]:
     """All that comes, until the source ends; nothing is yielded while it is silent."""
