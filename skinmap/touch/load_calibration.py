@@ -49,6 +49,7 @@ LEAST_COVERED = 0.2  # of pressed taxels, however far pressures spread
 SHRINK = 0.6  # of the error of the best curve without memory: a shared shift below it is doubted
 STILL_COUNTS, STILL_LOADED = 1.5, 0.3  # a taxel is stuck that moves less while others moved so far
 REST_FAR, REST_CALM = 0.12, 0.03  # of a session's range: how far rest may lie up, how far it moves
+TOUCHED = 12.0  # counts above its first rest at which a taxel is touched
 REST_SECONDS, REST_MOST = 0.8, 10.0  # of rest that is needed, and that is looked at
 
 
@@ -348,7 +349,8 @@ class LoadCalibration:
         own = self.answered
         if not own.any():
             return None, None
-        return calm_rests(counts, skin_level(counts, own, self.rest, self.span), rate)
+        level = skin_level(counts, own, self.rest, self.span)
+        return calm_rests(counts, level, rate, up=np.sign(self.span))
 
     def _ends(self, counts: FloatArray) -> tuple[FloatArray, BoolArray]:
         """How far taxels went beyond calibrated counts and the others; which stood still then."""
@@ -465,10 +467,12 @@ def skin_level(
 
 
 def calm_rests(
-    counts: FloatArray, level: FloatArray, rate: float
+    counts: FloatArray, level: FloatArray, rate: float, *, up: FloatArray | None = None
 ) -> tuple[FloatArray | None, FloatArray | None]:
     """Rest (n,) before the first load and after the last, by a level (t,) of the whole skin.
 
+    With `up` (n,), the sign by which counts answer a load, rows in which a few taxels are touched
+    are no part of their rest: the level does not show them.
     None where the samples begin or end under load, or never hold still there.
     """
     wide = max(1, round(0.5 * rate))
@@ -476,14 +480,19 @@ def calm_rests(
     smooth = (padded[wide:] - padded[:-wide]) / wide
     low, high = np.percentile(smooth, (1, 99))
     found = [
-        _first_calm(way, few, float(low), float(high - low), rate)
+        _first_calm(way, few, float(low), float(high - low), rate, up)
         for way, few in ((smooth, counts), (smooth[::-1], counts[::-1]))
     ]
     return found[0], found[1]
 
 
 def _first_calm(
-    level: FloatArray, counts: FloatArray, low: float, reach: float, rate: float
+    level: FloatArray,
+    counts: FloatArray,
+    low: float,
+    reach: float,
+    rate: float,
+    up: FloatArray | None,
 ) -> FloatArray | None:
     needed = round(REST_SECONDS * rate)
     if len(level) < 2 * needed or level[needed] - low > REST_FAR * reach:
@@ -492,7 +501,13 @@ def _first_calm(
     end = int(0.8 * (np.argmax(moved) if moved.any() else len(level)))
     if end < needed:
         return None
-    return np.asarray(np.median(counts[: min(end, round(REST_MOST * rate))], axis=0), np.float64)
+    calm = counts[: min(end, round(REST_MOST * rate))]
+    found = np.median(calm, axis=0).astype(np.float64)
+    if up is not None:
+        touched = up * (calm - np.median(calm[:needed], axis=0)) > TOUCHED
+        for k in np.flatnonzero(touched.any(axis=0)):
+            found[k] = np.median(calm[~touched[:, k], k])
+    return found
 
 
 def rate_of_times(times: ArrayLike | None, count: int) -> float | None:

@@ -504,3 +504,15 @@ def test_channels_of_temperatures_are_checked(channel, tmp_path):
     words = ["calibrate", "load", str(tmp_path / "c.npz"), "-o", str(tmp_path / "out")]
     result = CliRunner().invoke(cli, words)
     assert "temperature_channel must be 96 channels" in str(result.exception)
+
+
+def test_a_touch_of_a_few_taxels_is_no_part_of_their_rest():
+    from skinmap.touch.load_calibration import calm_rests
+
+    rng, times = np.random.default_rng(0), np.arange(1000) / 50
+    counts = rng.normal(10, 0.6, (len(times), 60)).round()
+    counts[(times > 2.5) & (times < 14), :5] += 80  # most of what is looked at
+    counts[times > 16] += 100 * np.sin(0.7 * (times[times > 16] - 16))[:, None]
+    level = np.median((counts - 10) / 100, axis=1)
+    before, _ = calm_rests(counts, level, 50.0, up=np.ones(60))
+    assert np.abs(before - 10).max() <= 1.0  # 80 before
