@@ -26,6 +26,7 @@ STANDS = {3.0: 5.0, 100.0: 2.5}  # noise [steps]: rows at one value that are mor
 COPY = 0.97  # correlation of noise
 MOST_PAIRS = 4_000  # channels whose pairs are compared by correlation
 PAIR_ROWS = 4e9  # rows times channels squared
+ALIKE = 0.98  # correlation of two courses that are one, by some factor
 
 
 def channel_faults(survey: Survey) -> tuple[list[Finding], NDArray[np.bool_]]:
@@ -441,6 +442,13 @@ def smooth(series: NDArray[np.float32], width: int) -> FloatArray:
     return np.asarray((total[b] - total[a]) / (b - a)[:, None])
 
 
+def _goes_with(courses: FloatArray, common: FloatArray) -> NDArray[np.bool_]:
+    """(n,) which courses (k, n) are a common one (k, 1) by some factor."""
+    a, b = courses - courses.mean(axis=0), common - common.mean()
+    both = (a * b).sum(axis=0)
+    return np.asarray(both > ALIKE * np.sqrt((a**2).sum(axis=0) * (b**2).sum()))
+
+
 def _thermal(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Channels that follow nothing but a slow course of their own."""
     cells = len(survey.mean)
@@ -452,14 +460,17 @@ def _thermal(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     edge = max(cells // 16, 2)
     rough = (survey.mean - slow)[edge:-edge]
     fast = np.percentile(np.abs(rough), 99.0, axis=0)
-    own = slow - np.median(slow[:, ~bad], axis=1, keepdims=True)
+    common = np.median(slow[:, ~bad], axis=1, keepdims=True)
+    own = slow - common
     apart = own.max(axis=0) - own.min(axis=0)
+    # A taxel that goes the way of the whole skin, by another factor, drifts with it.
+    with_skin = _goes_with(slow, common) & (np.ptp(common) > 0.3 * course)
     lively = ~survey.constant & ~bad
     usual = np.percentile(np.abs(rough[:, lively]), 99.0, axis=0)
     limit = np.maximum(4.0 * survey.noise / np.sqrt(survey.cell), 0.6 * survey.quantum)
     flat = fast < np.maximum(limit, 0.15 * course)
     steady = fast < 0.3 * np.median(usual)
-    which = lively & flat & (course > 6.0 * survey.noise) & (apart > 0.5 * course)
+    which = lively & flat & ~with_skin & (course > 6.0 * survey.noise) & (apart > 0.5 * course)
     which &= course > np.maximum(3.0 * survey.quantum, 0.25 * np.median(survey.floor[lively]))
     if survey.uniform:
         which &= np.abs(survey.follows) < 0.5

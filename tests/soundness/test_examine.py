@@ -587,3 +587,15 @@ def test_parts_of_other_times_are_examined_each_for_itself(tmp_path):
     assert not [one for one in found if one.kind in ("wiring", "place")]
     result = CliRunner().invoke(cli, ["examine", str(tmp_path / "two.npz")])
     assert f"two.npz: torso: {len(values)} rows of 430 channels" in result.output
+
+
+def test_taxels_that_drift_with_the_skin_are_no_temperatures():
+    rng, times = np.random.default_rng(4), np.arange(6000) / 10
+    drift = 15 * (times / times[-1])[:, None] * rng.uniform(0.6, 1.4, 96)
+    values = drift + rng.normal(0, 0.6, drift.shape)
+    for k in range(40):  # a fifth of the taxels is never touched
+        values[140 * k + 100 : 140 * k + 110, rng.integers(0, 76, 40)] += 60
+    counts = np.clip(np.rint(values), 0, 255)
+    counts[:, 90] = np.rint(60 + 30 * np.sin(times / 90) + rng.normal(0, 0.6, len(times)))
+    found = examine_track(Track("t", counts, times))[0].findings
+    assert [one.channels for one in found if one.kind == "thermal"] == [[90]]  # the control
