@@ -235,3 +235,13 @@ def test_a_loop_takes_names_and_files_and_ends_in_words(tmp_path):
         with pytest.raises(InvalidArrayError, match="seconds must be above 0"):
             skinmap.record("sim", tmp_path / "r.mcap", seconds)
     assert not (tmp_path / "r.mcap").exists()
+
+
+def test_millimetres_in_place_of_metres_are_named():
+    flat = skinmap.flatten("kaspar", part="left_hand")
+    for call in (
+        lambda: skinmap.find_structures(flat, radius=8),
+        lambda: skinmap.contact_image(flat, np.ones(len(flat.mesh.skin)), pitch=2),
+    ):
+        with pytest.raises(InvalidArrayError, match="is it in millimetres"):
+            call()

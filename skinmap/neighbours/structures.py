@@ -171,6 +171,7 @@ __all__ = [
     "usual_tolerance",
 ]
 
+LARGEST = 1.0  # radius of neighbourhoods on a robot [m]
 CLOSE = 0.4  # pitches that a neighbour may stray on a fine lattice
 TOLERANCE = 1.5e-3  # [m]; under half a pitch, so that matching points are one-to-one
 RADIUS = 8.0e-3  # [m]; between the first and the second ring of the known modules
@@ -373,8 +374,9 @@ def _flat_neighbourhoods(flat: FlatMap, radius: float | None) -> Neighbourhoods:
     if radius is None:
         skins = [flat.mesh.skin.positions]
         radius = auto_radius(skins, near=usual_radius(skins))
-    if not 0.0 < radius < np.inf:
-        raise InvalidArrayError(f"radius must be above 0 m, got {radius}")
+    if not 0.0 < radius <= LARGEST:
+        hint = "; is it in millimetres?" if radius > LARGEST else ""
+        raise InvalidArrayError(f"radius must be above 0 m and at most 1 m, got {radius}{hint}")
     skin, directions = flat.mesh.skin, flat_map_directions(flat)
     return neighbourhoods(skin.positions, skin.normals, directions, radius=radius)
 

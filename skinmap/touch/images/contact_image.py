@@ -327,6 +327,8 @@ def _grid(
         pitch = max(float(length) / n for length, n in wanted if n is not None)
     if not (np.isfinite(pitch) and pitch > 0):
         raise InvalidArrayError(f"the pitch must be above 0 m, got {pitch}")
+    if pitch > 0.1 and pitch > max(size):
+        raise InvalidArrayError(f"a pitch of {pitch} m exceeds the map; is it in millimetres?")
     # A map exactly as wide as its pixels must not need one more for a rounding error.
     fit = np.maximum(np.ceil(size[::-1] / pitch - 1e-9), 1.0)
     given = shape or (None, None)
