@@ -243,6 +243,7 @@ class Histograms:
         for skin in skins:
             own = [touch.samples for touch in touches if touch.skin is skin]
             samples = np.concatenate([pressed(block) for block in own])
+            samples = samples if len(samples) else own[0][:1]  # of a skin that nothing touched
             some = rng.choice(len(samples), min(BOOK_SAMPLES, len(samples)), replace=False)
             pools.append((matched[skin], samples[some] / COUNTS))
         self.codebook = learn_codebook(pools, rng=rng, words=self.words, literal=self.literal)
