@@ -81,8 +81,8 @@ class LoadResult(Calibrated):
     top_n
         Highest force of the evidence [N]; null for pressures.
     rest_bar
-        Reading of a reference while the skin rests, taken off, by recording [bar]; references that
-        read 0 are left out.
+        Reading of a reference while the skin rests, by recording [bar]; references that read 0 are
+        left out.
     uneven
         Standard deviation of a taxel's pressure by uneven contact, as a share: masses and forces
         give the mean over their channels.
@@ -319,7 +319,7 @@ def _lines(result: LoadResult) -> Iterator[str]:
     if result.top_n is not None:
         yield f"highest force of the evidence: {result.top_n:.3g} N"
     for name, bar in result.rest_bar.items():
-        yield f"{name} reads {bar:+.3g} bar while the skin rests: taken off"
+        yield f"{name} reads {bar:+.3g} bar while the skin rests: take its tare off, if it is one"
     if result.uneven:
         yield f"uneven contact: a taxel's share of a force is known to {percent(result.uneven)} %"
     yield from (f"clock of {_clock(row)}" for row in result.clocks)

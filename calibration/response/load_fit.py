@@ -38,7 +38,7 @@ FOLDS = 5  # stretches of a recording of which each is held out
 LEAST_SPAN = 3.0  # counts from rest to the top: below it a taxel tells too little
 LEAST_SPREAD = 0.5  # counts: below it a taxel is dead
 AT_REST = 0.05  # share of the range of a load that a reference may stand off at rest
-SEEN_AT_REST = 0.02  # of it, that is not taken off: noise and creep
+SEEN_AT_REST = 0.02  # of it, that is not worth a note: noise and creep
 WARMER = 0.8  # of the square of what rest wanders, that may be left with a temperature
 FULL_ROWS, FULL_RANGE = 0.1, 0.3  # a taxel is saturated that stands still at its end in so many
 # rows while the load goes through so much of its range
@@ -188,7 +188,6 @@ def fit_load(
             one, reference, told & _felt(one, n)
         )
         at_rest.append(stood)
-        reference -= stood
         rested |= begins
         told &= ~_saturated(one, reference, told & _felt(one, n))
         turned = told & known & _felt(one, n)
