@@ -371,7 +371,7 @@ def _picture(fit: LoadFit, one: Pressed) -> bytes:
         _errors(figure.subplots(), fit)
         return picture_bytes(figure)
     rows = one.samples[:DRAWN_ROWS]
-    wanted = reference_at(fit.clocks[0], one.reference, len(rows)) - fit.at_rest[0]
+    wanted = reference_at(fit.clocks[0], one.reference, len(rows))
     values, low, high = fit.calibration.pressures(rows, zero="none")
     own = fit.calibration.answered
     edges = np.linspace(np.nanmin(wanted), np.nanmax(wanted), DRAWN + 1)

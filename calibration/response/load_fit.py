@@ -108,7 +108,7 @@ class LoadFit:
     shared : int
         Taxels that took the shape of all.
     at_rest : list of float
-        What the reference of each file read while the skin rested, taken off [bar].
+        Reading of the reference of each file while the skin rested [bar]; 0 where it is as good.
     """
 
     calibration: LoadCalibration

@@ -36,6 +36,7 @@ from skinmap.neighbours.matching import (
 )
 from skinmap.neighbours.offsets import (
     LATTICE,
+    WIDEST,
     Neighbourhoods,
     auto_radius,
     flat_map_directions,
@@ -171,7 +172,6 @@ __all__ = [
     "usual_tolerance",
 ]
 
-LARGEST = 1.0  # radius of neighbourhoods on a robot [m]
 CLOSE = 0.4  # pitches that a neighbour may stray on a fine lattice
 TOLERANCE = 1.5e-3  # [m]; under half a pitch, so that matching points are one-to-one
 RADIUS = 8.0e-3  # [m]; between the first and the second ring of the known modules
@@ -374,8 +374,8 @@ def _flat_neighbourhoods(flat: FlatMap, radius: float | None) -> Neighbourhoods:
     if radius is None:
         skins = [flat.mesh.skin.positions]
         radius = auto_radius(skins, near=usual_radius(skins))
-    if not 0.0 < radius <= LARGEST:
-        hint = "; is it in millimetres?" if radius > LARGEST else ""
+    if not 0.0 < radius <= WIDEST:
+        hint = "; is it in millimetres?" if radius > WIDEST else ""
         raise InvalidArrayError(f"radius must be above 0 m and at most 1 m, got {radius}{hint}")
     skin, directions = flat.mesh.skin, flat_map_directions(flat)
     return neighbourhoods(skin.positions, skin.normals, directions, radius=radius)

@@ -172,20 +172,20 @@ class ThreeAnswers:
 
     def _kind(self, row: FloatArray, skin: str, chance: float) -> Answer:
         """A kind of hand's touch or of thing, no likelier than the hand or thing."""
-        kind = self.machines["kind"].answer(row, skin)
-        if "other" not in self.machines:
-            return kind
-        if chance <= NO_HAND:
-            thing = self.machines["other"].answer(row, skin)
+        other = self.machines.get("other")
+        if other is not None and chance <= NO_HAND:
+            thing = other.answer(row, skin)
             return replace(thing, probability=(1.0 - chance) * thing.probability)
-        names, held, other = list(kind.set), chance, self.machines["other"]
-        share = other.shares(row)
-        for k in np.argsort(-share):  # the likeliest things, until the set holds nine of ten
-            if chance >= SURE[1] or held >= COVERAGE:
-                break
-            names.append(other.labels[k])
-            held += (1.0 - chance) * float(share[k])
-        return Answer(kind.answer, chance * kind.probability, tuple(names))
+        kind = self.machines["kind"].answer(row, skin)
+        if other is None:
+            return kind
+        names = kind.set
+        if chance < SURE[1]:  # the likeliest things, too, until the set holds nine of ten
+            share = other.shares(row)
+            order = np.argsort(-share)
+            held = chance + (1.0 - chance) * np.cumsum(share[order])
+            names += tuple(other.labels[k] for k in order[: 1 + int((held < COVERAGE).sum())])
+        return Answer(kind.answer, chance * kind.probability, names)
 
     def completed(self, others: ThreeAnswers) -> ThreeAnswers:
         """The same with what others have where it has none, but for things beside its own kinds."""

@@ -89,7 +89,7 @@ def classify_live(
     speed = float("inf") if Path(spec).exists() and not publish else 1.0
     loaded, source = open_stream(spec, robot, parts, seed=seed, speed=speed)
 
-    def open_it() -> Source:
+    def open_it(speed: float = speed) -> Source:
         return open_source(spec, robot=loaded, parts=chosen, seed=seed, speed=speed)
 
     try:
@@ -107,7 +107,7 @@ def classify_live(
             singly=not followed,  # so that it ends at the very sample
         )
         if not followed and Path(spec).exists():  # what lies there can be looked at before
-            with closing(open_it()) as ahead:
+            with closing(open_it(float("inf"))) as ahead:
                 loop.learn_rest(ahead, LEARN)
         _note_differences(classifier, loop)
         run = _Run(loop, spec, classifier.name, as_json=as_json)

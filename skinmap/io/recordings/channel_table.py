@@ -27,7 +27,7 @@ from skinmap.errors import (
 )
 from skinmap.io.recordings.mapping import Mapping, needed_mapping
 from skinmap.io.robots.manifest import load_robot
-from skinmap.io.text import MAX_CHANNEL, check_file
+from skinmap.io.text import DECIMAL_COMMA, MAX_CHANNEL, check_file
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.summary import first_few
@@ -194,14 +194,16 @@ def _above_rest(values: FloatArray, stretches: IntArray | None, calm: float) -> 
 
 def _numbers_of(robot: Robot, skin: Skin, given: ChannelTable) -> IntArray:
     """(n,) number of each taxel: its channel, its id (-1 for none), or its place in the table."""
-    if given.numbered == "count" and len(given.channels) == len(skin):
-        return np.arange(len(skin))
+    n = len(skin)
+    if given.numbered == "count" and len(given.channels) == n <= skin.channels.max(initial=-1):
+        return np.arange(n)  # so many columns hold the taxels, and not the whole live vector
     table = robot.part(skin.part).read()
-    known = np.isin(given.channels, skin.channels).any() and given.numbered != "id"
-    if known or not len(table.ids):
+    if not len(table.ids):
         return skin.channels
     place = dict(zip(table.channels.tolist(), table.ids.tolist(), strict=True))
-    return np.array([place[channel] for channel in skin.channels.tolist()], np.int64)
+    ids = np.array([place[channel] for channel in skin.channels.tolist()], np.int64)
+    by_channel, by_id = (int(np.isin(given.channels, one).sum()) for one in (skin.channels, ids))
+    return skin.channels if given.numbered != "id" and by_channel >= max(by_id, 1) else ids
 
 
 def _places(numbers: IntArray, channels: IntArray, path: Path) -> tuple[IntArray, IntArray]:
@@ -307,12 +309,9 @@ def _rows(path: Path, mapping: Mapping) -> Iterator[list[str]]:
     """Names of the columns, then the words of each sample."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            start = [line for line in islice(file, 20) if line.strip() and line[0] != "#"]
-            # Not in the samples, where a comma may be that of a number.
-            head = start[0] if start else ""
-            delimiter = max((",", ";", "\t"), key=head.count)
-            if delimiter not in head and " " in head.strip():
-                delimiter = " "
+            head = next((line for line in file if line.strip() and line[0] != "#"), "").strip()
+            # A comma comes late: beside another sign it may be that of a number.
+            delimiter = next((one for one in (";", "\t", ",", " ") if one in head), ",")
             file.seek(0)
             lines = (line for line in file if line.strip() and not line.startswith("#"))
             table = (
@@ -331,6 +330,8 @@ def _rows(path: Path, mapping: Mapping) -> Iterator[list[str]]:
                     raise DataFormatError(
                         f"sample {number} has {len(row)} values for {len(names)} columns", path
                     )
+                if delimiter != "," and any("," in cell for cell in row):
+                    row = [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in row]
                 yield row
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataFormatError(f"not a table: {error}", path) from None
@@ -361,10 +362,7 @@ def _channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict
 def _take(held: array[float], row: list[str], columns: list[int], number: int, path: Path) -> None:
     """Put the numbers of a sample behind those of the samples before."""
     try:
-        try:
-            held.extend([float(row[k]) for k in columns])
-        except ValueError:  # "0,5", where commas separate no columns
-            held.extend([float(row[k].replace(",", ".")) for k in columns])
+        held.extend([float(row[k]) for k in columns])
     except ValueError as error:  # "could not convert string to float: 'abc'"
         word = str(error).partition(": ")[2]
         raise DataFormatError(f"sample {number} holds {word}, no number", path) from None
@@ -397,7 +395,8 @@ def _events(
 def read_arrays(path: Path) -> list[Recording]:
     """Read a plain NPZ: `values` (t, c) and `times` (t,) with a mapping beside it.
 
-    `channels` (c,), or `taxel_ids`, says which channels they are, 0 to c - 1 by default; `events`
+    `channels` (c,), or `taxel_ids`, says which channels they are, 0 to c - 1 by default, or the
+    taxels in the order of their table where c of them lie in a longer live vector; `events`
     (t,), or `file_index`, which touch or file each sample is of; `labels` (k,), or `file_class`,
     what each was called; `sessions` and `people` (k,) in words.
 

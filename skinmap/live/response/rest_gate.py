@@ -77,14 +77,19 @@ class RestGate:
     def states(self) -> dict[str, BoolArray]:
         """(N,) taxels that are `stuck`, `noisy`, or `unheard`: high and never yet seen at rest."""
         stuck = self.rest.stuck
-        return {"stuck": stuck, "noisy": self.rest.noisy, "unheard": self._mute & ~stuck}
+        return {
+            "stuck": stuck,
+            "noisy": self._learnt.noisy & ~stuck,
+            "unheard": self._mute & ~stuck,
+        }
 
     def _without_mute(self, pressures: NDArray[Any]) -> NDArray[Any]:
         """The pressures (t, N) with 0 wherever a taxel has not been seen at rest, or is stuck."""
         columns = np.flatnonzero(self._mute)
         if len(columns) == 0:
             return pressures
-        free = np.logical_or.accumulate(pressures[:, columns] <= ACTIVE, axis=0)
+        low = pressures[:, columns] <= ACTIVE + self._drift[columns]
+        free = np.logical_or.accumulate(low, axis=0)
         pressures = np.array(pressures)
         pressures[:, columns] = np.where(free, pressures[:, columns], 0)
         freed = columns[free[-1]] if len(free) else columns[:0]
@@ -100,12 +105,11 @@ class RestGate:
     def _learn(self) -> None:
         """Take what a full window says: levels of taxels seen at rest, and who is stuck."""
         low, high = self._window.min(axis=0), self._window.max(axis=0)
-        held = low > ACTIVE
+        held = low - self._drift > ACTIVE
         still = held & (high - low <= FROZEN) & (high < PRESSED_FLAT)
         self._high = np.where(held, self._high + 1, 0)
         self._still = np.where(still, self._still + 1, 0)
         stuck = (self._still >= TWICE) | (self._mute & (still | (self._high >= NEVER)))
-        rest = replace(self.rest, stuck=self.rest.stuck | stuck)
         self._mute |= stuck
         waiting = ~self._known & ~held  # what was high throughout shows no rest
         if waiting.any():
@@ -118,24 +122,21 @@ class RestGate:
             for name, values in levels.items():
                 values[columns[fresh]] = getattr(found, name)[fresh]
             self._learnt = replace(self._learnt, **levels)
-            rest = replace(rest, **levels)
             self._known[columns[fresh]] = True
-        self.rest = self._followed(rest, high)
+        self.rest = self._followed(self.rest.stuck | stuck, high)
         self.changes += 1
 
-    def _followed(self, rest: Rest, high: NDArray[np.float32]) -> Rest:
+    def _followed(self, stuck: BoolArray, high: NDArray[np.float32]) -> Rest:
         """The levels, moved by the drift of taxels that a full window shows free."""
-        free, mean = self._known & (high <= rest.goes_on), self._window.mean(axis=0)
+        free, mean = self._known & (high <= self.rest.goes_on), self._window.mean(axis=0)
         self._home = np.where(free & np.isnan(self._home), mean, self._home)
         away = mean - self._home - self._drift
         moving = free & (np.abs(away) > STEADY)
         self._drift[moving] += np.clip(away[moving], -self._follow, self._follow)
-        if not self._drift.any():
-            return rest
         learnt = self._learnt
-        return replace(
-            rest,
-            offset=learnt.offset + self._drift,
-            begins=np.maximum(ACTIVE, learnt.begins + self._drift),
-            goes_on=np.maximum(LOW, learnt.goes_on + self._drift),
+        return Rest(
+            learnt.offset + self._drift,
+            np.maximum(ACTIVE, learnt.begins + self._drift),
+            np.maximum(LOW, learnt.goes_on + self._drift),
+            stuck,
         )

@@ -117,9 +117,7 @@ class VoteCounter:
             raise SkinMismatchError(f"a sample {array.shape} for a skin of {self.n_taxels} taxels")
         if self._kernel is None or array.dtype.kind not in "fu":
             return self.count(array[None])[0]
-        values = (
-            array / COUNTS if array.dtype.kind in "iu" else array.astype(np.float64, copy=False)
-        )
+        values = array / COUNTS if array.dtype.kind == "u" else array.astype(np.float64, copy=False)
         votes = np.zeros((1, *self.words.shape[:2]), np.int64)
         if not self._kernel(values[None], votes):
             raise self._too_large(values[None])

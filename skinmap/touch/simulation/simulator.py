@@ -200,7 +200,7 @@ def simulate(
         raise UnknownNameError("place", places, get_args(Places))
     for what, count in {"per_gesture": per_gesture, "subjects": subjects,
                         "number of gestures": len(gestures)}.items():  # fmt: skip
-        if count != int(count) or count < 1:
+        if not 1 <= count < np.inf or count != int(count):
             raise InvalidArrayError(f"{what} must be a whole number from 1, got {count}")
     if isinstance(rng, int | np.integer) and rng < 0:
         raise InvalidArrayError(f"a seed must be 0 or more, got {rng}")

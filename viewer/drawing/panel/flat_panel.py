@@ -160,10 +160,8 @@ class FlatPanel:
         """Colour the map as the body: values (n,) of its part and their field (v,)."""
         self.drawing.show(layer, style, field, values)
         # Noise at rest is not shown: the image is stretched to its largest pressure.
-        pressed = (
-            layer.name == "pressure" and np.nanmax(values, initial=0.0) >= FELT * layer.limits[1]
-        )
-        self._show_image(values if pressed else np.zeros(0))
+        least = FELT * layer.limits[1] if layer.name == "pressure" else np.inf
+        self._show_image(values if np.nanmax(values, initial=0.0) >= least else np.zeros(0))
 
     def _show_image(self, pressures: FloatArray) -> None:
         """The contact image of pressures (n,), in the head of the panel; none where all rest."""
