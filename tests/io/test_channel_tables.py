@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import shutil
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,7 +15,6 @@ from skinmap.io.recordings.touch_files import read_recordings, recording_readers
 from skinmap.soundness.track import read_track
 from skinmap.touch.recording import Recording
 
-ROOT = Path(__file__).parents[2]
 ROBOT, PART = "kaspar", "left_hand"
 MAPPING = f'robot = "{ROBOT}"\npart = "{PART}"\n'
 SAMPLES = 40
@@ -343,21 +340,6 @@ def test_channels_are_matched_by_what_they_number(tmp_path):
         np.savez(path, values=values, times=np.arange(SAMPLES) / 10, **names)
         (one,) = read_recordings(path)
         np.testing.assert_array_equal(one.pressures, values)
-
-
-def test_columns_are_channels_where_they_fill_the_live_vector(tmp_path):
-    shutil.copytree(ROOT / "docs" / "examples" / "robot", tmp_path / "bot")
-    table = tmp_path / "bot" / "forearm.csv"
-    head, *rows = table.read_text().splitlines()
-    turned = [f"{len(rows) - 1 - k},{row.partition(',')[2]}" for k, row in enumerate(rows)]
-    table.write_text("\n".join([head, *turned]))
-    path = tmp_path / "v.npz"
-    np.savez(path, values=np.outer([1.0, 0.0], range(len(rows))), times=[0.0, 0.1])
-    path.with_suffix(".toml").write_text('robot = "bot/robot.toml"\npart = "forearm"\n')
-    (one,) = read_recordings(path)
-    channels = skinmap.load_robot(tmp_path / "bot" / "robot.toml").skin("forearm").channels
-    assert channels[0] == len(rows) - 1
-    np.testing.assert_array_equal(one.pressures[0], channels)
 
 
 def test_decimal_commas_need_no_header(tmp_path, channels):

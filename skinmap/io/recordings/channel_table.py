@@ -194,9 +194,8 @@ def _above_rest(values: FloatArray, stretches: IntArray | None, calm: float) -> 
 
 def _numbers_of(robot: Robot, skin: Skin, given: ChannelTable) -> IntArray:
     """(n,) number of each taxel: its channel, its id (-1 for none), or its place in the table."""
-    n = len(skin)
-    if given.numbered == "count" and len(given.channels) == n <= skin.channels.max(initial=-1):
-        return np.arange(n)  # so many columns hold the taxels, and not the whole live vector
+    if given.numbered == "count" and len(given.channels) == len(skin):
+        return np.arange(len(skin))  # they hold the taxels alone, in the order of their channels
     table = robot.part(skin.part).read()
     if not len(table.ids):
         return skin.channels
@@ -396,7 +395,7 @@ def read_arrays(path: Path) -> list[Recording]:
     """Read a plain NPZ: `values` (t, c) and `times` (t,) with a mapping beside it.
 
     `channels` (c,), or `taxel_ids`, says which channels they are, 0 to c - 1 by default, or the
-    taxels in the order of their table where c of them lie in a longer live vector; `events`
+    c taxels alone in the order of their channels; `events`
     (t,), or `file_index`, which touch or file each sample is of; `labels` (k,), or `file_class`,
     what each was called; `sessions` and `people` (k,) in words.
 
