@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from calibration.commands.calibration_options import FILE, Outputs, outputs, skin_of, skin_options
-from calibration.commands.results import Calibrated, Spread, judged
+from calibration.commands.results import Calibrated, Spread
 from skinmap.commands.options import Number, prints
 from skinmap.commands.progress import progress
 from skinmap.errors import DataFormatError, SkinMismatchError
@@ -310,7 +310,6 @@ def _clock(row: ClockRow) -> str:
 
 
 def _lines(result: LoadResult) -> Iterator[str]:
-    yield from judged(result)
     yield (
         f"{result.answered} of {result.channels} taxels, 0 to {result.top_bar:.2f} bar, model "
         f"{result.model}, running mean of {result.mean_s:g} s: error "
@@ -341,22 +340,12 @@ def _areas(result: LoadResult) -> str:
 def _page(fit: LoadFit, pressed: list[Pressed], result: LoadResult) -> str:
     from calibration.commands.pages import judged_page
 
-    rows = [
-        ("taxels with pressures", f"{result.answered} of {result.channels}"),
-        ("calibrated range", f"0 to {result.top_bar:.2f} bar"),
-        ("model", f"{result.model}, running mean of {result.mean_s:g} s"),
-        *((f"held out, {name}", f"{error:.3f} bar") for name, error in result.held_out_bar.items()),
-        ("doubt of a session's zero", f"{result.doubt_bar:.3f} bar"),
-        *((f"clock {i + 1}", _clock(row)) for i, row in enumerate(result.clocks)),
-        *([] if result.prints is None else [("areas", _areas(result))]),
-        ("left out, dead", _named(result.dead)),
-        ("left out, do not follow", _named(result.stray)),
-    ]
     words = (
         "Pressures that the calibration reads against those of the reference: median of the "
         "taxels, the half of them in the dark band, 90 % intervals of a taxel in the light one."
     )
-    return judged_page("Loads", result, rows, [("Curves", _picture(fit, pressed[0]), words)])
+    pictures = [("Curves", _picture(fit, pressed[0]), words)]
+    return judged_page("Loads", result, _lines(result), pictures)
 
 
 def _picture(fit: LoadFit, one: Pressed) -> bytes:

@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from calibration.commands.calibration_options import FILE, Outputs, outputs, skin_of, skin_options
-from calibration.commands.results import Calibrated, Spread, judged
+from calibration.commands.results import Calibrated, Spread
 from skinmap.commands.options import prints
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.rows import percent
+from skinmap.summary import first_few
 
 if TYPE_CHECKING:
     from calibration.response.response import ResponseCalibration
@@ -178,22 +179,14 @@ def _write(found: ResponseCalibration, folder: Path) -> list[str]:
 def _page(name: str, found: ResponseCalibration, result: ResponseResult) -> str:
     from calibration.commands.pages import judged_page, response_picture
 
-    rows = [
-        ("channels", str(result.channels)),
-        *((state, str(count)) for state, count in result.health.items()),
-        ("baseline, median", f"{result.baseline.median:.1f} counts"),
-        ("noise, median", f"{result.noise.median:.2f} counts"),
-        ("threshold, median", f"{result.threshold.median:.2f} counts"),
-        ("unfit channels", ", ".join(map(str, result.unfit[:MAX_NAMED])) or "none"),
-    ]
     words = "At rest. A channel is never touched until a load proves it well or dead."
     pictures = [("Channels", response_picture(found), words)]
-    return judged_page(f"Response: {name}", result, rows, pictures)
+    return judged_page(f"Response: {name}", result, _lines(result), pictures)
 
 
 def _lines(result: ResponseResult) -> Iterator[str]:
-    yield from judged(result)
     states = ", ".join(f"{count} {state}" for state, count in result.health.items() if count)
     yield f"{result.channels} channels: {states}"
+    yield f"unfit: {first_few(result.unfit, MAX_NAMED) or 'none'}"
     if result.explained is not None:
         yield f"curves explain {percent(result.explained)} % of the answers under load"

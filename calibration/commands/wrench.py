@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 from calibration.commands.calibration_options import FILE, NO_LOSS, NO_SEED, Outputs, outputs
-from calibration.commands.results import MM, Calibrated, Grade, Matrix, Spread, judged
+from calibration.commands.results import MM, Calibrated, Grade, Matrix, Spread
 from skinmap.commands.options import prints, units_option
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
@@ -185,24 +185,13 @@ def _page(name: str, placed: PlacedPatch, result: WrenchResult) -> str:
 
     from calibration.commands.pages import PLACED, judged_page, taxel_picture
 
-    sd, held_out = result.predicted_sd_mm, result.cross_validation_mm
-    rows = [
-        ("touches", str(result.touches)),
-        ("points miss their lines by (rms)", f"{result.rms_mm:.2f} mm"),
-        ("held-out error: touches that the fit never saw",
-         "too few touches" if held_out is None else f"{held_out:.2f} mm"),
-        ("predicted error, median", f"{sd.median:.2f} mm"),
-        ("predicted error, worst", f"{sd.max:.2f} mm"),
-        ("weakest direction", f"the patch {result.weakest}"),
-        ("touch next", "from another side, best where the error below is largest"),
-    ]  # fmt: skip
     errors = np.sqrt(np.einsum("nii->n", placed.covariance))
     pictures = [("On the link", taxel_picture(placed.places, errors), PLACED)]
-    return judged_page(f"Wrenches: {name}", result, rows, pictures)
+    return judged_page(f"Wrenches: {name}", result, _lines(result), pictures)
 
 
 def _lines(result: WrenchResult) -> Iterator[str]:
     sd = result.predicted_sd_mm
-    yield from judged(result)
     yield f"{result.touches} touches, {result.rms_mm:.2f} mm rms from their lines"
     yield f"predicted error: median {sd.median:.2f} mm, worst {sd.max:.2f} mm"
+    yield f"most easily the patch {result.weakest}"
