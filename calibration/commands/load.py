@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -100,10 +99,6 @@ class LoadResult(Calibrated):
         Median error of the area of a print by the others; null without prints.
     fingerprint
         Of the skin; empty without `--part`.
-    seconds
-        CPU time of the solution.
-    files
-        Names of the files inside `--out`.
     """
 
     channels: int
@@ -127,8 +122,6 @@ class LoadResult(Calibrated):
     spread_mm: float | None
     print_error: float | None
     fingerprint: str
-    seconds: float
-    files: list[str] = field(default_factory=list)
 
 
 @click.command("load")
@@ -186,7 +179,6 @@ def work(
     pressed = [_pressed(one, path, area_mm2) for one, path in loads]
     skin = skin_of(robot, part, counts[0])
     marks = "" if skin is None else fingerprint(skin)
-    start = time.process_time()
     when = max(path.stat().st_mtime for path in evidence)
     if any(one.reference.ndim == 2 for one in pressed):
         if skin is None or len(pressed) > 1:
@@ -207,7 +199,6 @@ def work(
     prints = _printed(printed, fit.calibration, skin) if printed else None
     if prints is not None:
         fit = replace(fit, calibration=replace(fit.calibration, covering=prints.covering))
-    seconds = time.process_time() - start
     found = fit.calibration
     result = LoadResult(
         status="ok",
@@ -245,7 +236,6 @@ def work(
         spread_mm=None if prints is None else 1e3 * prints.covering.spread,
         print_error=None if prints is None else prints.error,
         fingerprint=marks,
-        seconds=seconds,
     )
     return result, fit, pressed
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -109,10 +108,6 @@ class PlaneResult(Calibrated):
         Least certain motion of each part, in words.
     next
         Poses to press in, the best first.
-    seconds
-        CPU time of the solution.
-    files
-        Names of the files inside `--out`.
     """
 
     robot: str
@@ -133,8 +128,6 @@ class PlaneResult(Calibrated):
     assumed: list[str]
     weakest: dict[str, str]
     next: list[NextPress]
-    seconds: float
-    files: list[str] = field(default_factory=list)
 
 
 @click.command("plane")
@@ -228,7 +221,6 @@ def work(
     known = read_planes(planes)
     presses = read_plane_evidence(evidence, robot, parts)
     pressed, joints = tuple(presses.contacts.active), presses.joints
-    start = time.process_time()
     fit = fit_plane(
         presses.contacts,
         list(part_chains(robot, pressed, joints).values()),
@@ -236,7 +228,6 @@ def work(
         planes=known,
         joint_names=joints,
     )
-    seconds = time.process_time() - start
     turning = [k for k in fit.joint_offsets if joints[k] not in robot.body.sliding_joints]
     channels = {part: robot.skin(part).channels for part in pressed}
     result = PlaneResult(
@@ -263,7 +254,6 @@ def work(
         assumed=[*fit.assumed, *_still(robot, presses)],
         weakest=dict(fit.weakest),
         next=_proposed(robot, presses, fit),
-        seconds=seconds,
     )
     return result, presses, fit
 

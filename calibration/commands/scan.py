@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,10 +42,6 @@ class ScanResult(Calibrated):
         Takes points of the scan to the frame of the mesh [m].
     covariance
         Of a rotation vector [rad] about the scan's middle, then of a shift [m].
-    seconds
-        CPU time of the solution.
-    files
-        Names of the files inside `--out`.
     """
 
     rms_mm: float
@@ -56,8 +51,6 @@ class ScanResult(Calibrated):
     free_directions: list[str]
     T_mesh_scan: Matrix
     covariance: Matrix
-    seconds: float
-    files: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -157,7 +150,7 @@ def work(files: ScanFiles) -> tuple[ScanResult, ScanRegistration]:
 
     from calibration.scan.registration import register_scan
 
-    start, rng = time.process_time(), np.random.default_rng(0)
+    rng = np.random.default_rng(0)
     found = register_scan(files.points, *files.link, anchors=files.anchors, rng=rng)
     result = ScanResult(
         status=grade(found.status),
@@ -169,7 +162,6 @@ def work(files: ScanFiles) -> tuple[ScanResult, ScanRegistration]:
         free_directions=list(found.free_directions),
         T_mesh_scan=found.T_mesh_scan.tolist(),
         covariance=found.covariance.tolist(),
-        seconds=time.process_time() - start,
     )
     return result, found
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -78,10 +77,6 @@ class SelfTouchResult(Calibrated):
         Least certain motion of each patch, in words.
     next
         Channels to touch next, by chain.
-    seconds
-        CPU time of the solution.
-    files
-        Names of the files inside `--out`.
     """
 
     robot: str | None
@@ -101,8 +96,6 @@ class SelfTouchResult(Calibrated):
     touched: dict[str, float]
     weakest: dict[str, str]
     next: dict[str, list[int]]
-    seconds: float
-    files: list[str] = field(default_factory=list)
 
 
 @click.command("selftouch")
@@ -194,7 +187,6 @@ def work(data: SelfTouchData, names: Sequence[str] = ()) -> tuple[SelfTouchResul
 
     skins = tuple(name for name, one in data.chains.items() if not one.is_probe)
     asked = tuple(_chain(data, name) for name in names)
-    start = time.process_time()
     fit = self_touch(
         data.recordings,
         data.chains,
@@ -202,7 +194,6 @@ def work(data: SelfTouchData, names: Sequence[str] = ()) -> tuple[SelfTouchResul
         joint_offsets=bool(data.robot),
         rng=np.random.default_rng(0),
     )
-    seconds = time.process_time() - start
     found = judge(data, fit, asked)
     result = SelfTouchResult(
         status=grade(found[0][0]) if found else "ok",
@@ -230,7 +221,6 @@ def work(data: SelfTouchData, names: Sequence[str] = ()) -> tuple[SelfTouchResul
         touched={name: float(touched(data, fit, name).mean()) for name in fit.mounts},
         weakest={name: weak_direction(*placed(data.chains[name], fit)[1:]) for name in fit.mounts},
         next=next_taxels(data, fit),
-        seconds=seconds,
     )
     return result, fit
 

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,10 +38,6 @@ class WrenchResult(Calibrated):
         Least certain motion of the patch, in words.
     mount
         Pose of the patch, T_link_patch [m].
-    seconds
-        CPU time of the solution.
-    files
-        Names of the files inside `--out`.
     """
 
     touches: int
@@ -51,8 +46,6 @@ class WrenchResult(Calibrated):
     predicted_sd_mm: Spread
     weakest: str
     mount: Matrix
-    seconds: float
-    files: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -132,10 +125,8 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
     from skinmap.geometry.rigid import transform_points
 
     given = touches.points, touches.frames, touches.forces, touches.moments
-    start = time.process_time()
     fit = fit_wrench(*given)
     held_out = held_out_error(*given, np.random.default_rng(0))
-    seconds = time.process_time() - start
     skin = touches.points if touches.taxels is None else touches.taxels
     places = transform_points(fit.mount, skin)
     covariance = point_covariance(fit.mount, skin, fit.covariance)
@@ -162,7 +153,6 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
         predicted_sd_mm=Spread.of(MM * sd),
         weakest=weak_direction(places, covariance),
         mount=fit.mount.tolist(),
-        seconds=seconds,
     )
     return result, PlacedPatch(fit.mount, places, covariance, touches.taxels is not None)
 

@@ -103,12 +103,11 @@ class CheckupResult:
     next: str | None = column("Next place to touch; null where nothing is left to ask.")
     checkups: int = column("Check-ups in the history, with this one; 0 without a history.")
     notes: list[str] = column("Questions that stay open.")
-    seconds: float = column("CPU time of the judgement.")
     files: list[str] = column("Files that were written.")
 
 
 def findings(examined: Examination) -> CheckupResult:
-    """The result, without files and CPU time."""
+    """The result, without files."""
     from calibration.wiring.examination import next_touch, place_words
 
     cases = {case.part: case for case in examined.cases}
@@ -135,7 +134,6 @@ def findings(examined: Examination) -> CheckupResult:
         next=None if asked is None else place_words(cases[asked.part].boards, asked),
         checkups=0,
         notes=list(examined.notes),
-        seconds=0.0,
         files=[],
     )
 

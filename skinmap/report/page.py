@@ -151,11 +151,10 @@ def bullets(texts: Sequence[str]) -> str:
     return f"<ul>{inner}</ul>" if texts else ""
 
 
-def verdict_lines(verdict: Verdict, words: str = "") -> str:
-    """A status with what it means, and its reasons."""
+def verdict_lines(verdict: Verdict) -> str:
+    """A status, and its reasons."""
     mood = "ok" if verdict.status == OK else "look"
-    meaning = f": {escape(words)}" if words else ""
-    head = f"<p class={mood}><b>{escape(verdict.status)}</b>{meaning}</p>"
+    head = f"<p class={mood}><b>{escape(verdict.status)}</b></p>"
     return head + bullets(verdict.reasons)
 
 
