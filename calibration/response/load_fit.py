@@ -207,8 +207,9 @@ def fit_load(
     ]
     if len(sums) > 1:
         _agree(evidence, sums, told)
+    total = Sums(*(np.sum(same, axis=0) for same in zip(*sums, strict=True)))
     fit = _solved(
-        Sums(*(np.sum(same, axis=0) for same in zip(*sums, strict=True))), told, dead, lines, rest, span, recovery,
+        total, told, dead, lines, rest, span, recovery,
         top=np.nanmax([np.nanmax(one) for one in wanted]), rested=rested, rate=first.rate,
         when=when, area_mm2=area_mm2, fingerprint=fingerprint, mean_s=mean_s,
     )  # fmt: skip
