@@ -19,12 +19,18 @@ from typing import Any
 
 import numpy as np
 import trimesh
-from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_limits
 
 from benchmarks.calibration.checkup import checkup_rows
 from benchmarks.calibration.mounts import drift_rows, mount_rows
-from benchmarks.calibration.patches import Case, counted, far_apart, icub_cases, simulate_touches
+from benchmarks.calibration.patches import (
+    Case,
+    counted,
+    displaced,
+    far_apart,
+    icub_cases,
+    simulate_touches,
+)
 from benchmarks.calibration.planes import plane_rows
 from benchmarks.calibration.wraps import family_rows, measured, wrapped, wrong_rows
 from benchmarks.harness.record import RESULTS, about, code_of, commit, readable, write
@@ -184,7 +190,7 @@ def scan_rows(cases: list[Case], runs: int) -> list[dict[str, Any]]:
         case = links[run % len(links)]
         rng = np.random.default_rng([run, 6])
         scan = _half(case.vertices, case.faces, rng)
-        T = _away(scan, rng)
+        T = displaced(scan.mean(axis=0), rng, TURN, SHIFT)
         link = transform_points(T, scan), case.vertices, case.faces
         found, cpu, _ = timed(partial(register_scan, *link, rng=rng))
         seconds.append(cpu)
@@ -233,15 +239,6 @@ def _half(vertices: FloatArray, faces: Any, rng: np.random.Generator) -> FloatAr
     low, high = scan.min(axis=0) - 0.02, scan.max(axis=0) + 0.02
     scan[stray] = rng.uniform(low, high, (int(stray.sum()), 3))
     return scan
-
-
-def _away(scan: FloatArray, rng: np.random.Generator) -> FloatArray:
-    way, side = (vector / np.linalg.norm(vector) for vector in rng.normal(size=(2, 3)))
-    T = np.eye(4)
-    T[:3, :3] = Rotation.from_rotvec(TURN * way).as_matrix()
-    middle = scan.mean(axis=0)
-    T[:3, 3] = middle - T[:3, :3] @ middle + SHIFT * side
-    return T
 
 
 def main() -> None:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 import skinmap
-from benchmarks.calibration.person import Patient, SimulatedSkin
+from benchmarks.calibration.person import NAMES, Patient, SimulatedSkin
 from calibration.wiring.boards import boards_of
 from calibration.wiring.examination import Plan, examine_live
 from calibration.wiring.findings import CheckupResult, findings
@@ -22,11 +22,7 @@ from calibration.wiring.history import changes_of, kept_part
 from calibration.wiring.rest import judge_rest
 
 PARTS = ("left_forearm", "torso", "left_leg_upper")
-KINDS = {
-    "swap": "swapped_modules", "turn": "turned_module", "mirror": "mirrored_module",
-    "mute": "mute_module", "chains": "swapped_chains", "reverse": "reversed_chain",
-    "mute-chain": "mute_chain",
-}  # fmt: skip
+KINDS = tuple(name for name in NAMES if name != "channels")
 REST = 300  # samples: 6 s
 WEAK, TAXELS = 30, 5  # percent by which taxels lose gain, and how many of a skin
 TRUTH = "planted fault (simulated)"
@@ -61,7 +57,7 @@ def right(result: CheckupResult, word: str) -> bool:
     """Whether the fault was named, and no other."""
     name, _, rest = word.partition(":")
     wanted = {int(one) for one in rest.split(",")[: 1 if name == "turn" else 2]}
-    return [one.kind for one in result.faults] == [KINDS[name]] and wanted == set(
+    return [one.kind for one in result.faults] == [NAMES[name]] and wanted == set(
         result.faults[0].chains or result.faults[0].modules
     )
 
@@ -87,7 +83,7 @@ def checkup_rows(
     for number, trials in enumerate(every):
         found, named, start = 0, 0, time.process_time()
         for seed in range(faulty):
-            word = trials.word([*KINDS][seed % len(KINDS)], np.random.default_rng([seed, number]))
+            word = trials.word(KINDS[seed % len(KINDS)], np.random.default_rng([seed, number]))
             result = findings(trials.run([word], seed))
             found += result.status in ("faulty", "inconsistent")
             named += right(result, word)

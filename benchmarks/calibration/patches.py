@@ -12,10 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import Delaunay
+from scipy.spatial.transform import Rotation
 
 import skinmap
 from calibration import Touch
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.rigid import turn_about
+from skinmap.geometry.triangles import unit
 
 MAX_MODULES = 16
 FELT = 4e-3  # width of what a taxel feels [m]
@@ -67,6 +70,14 @@ def normalised(error: FloatArray, covariance: FloatArray) -> float:
     """Mean square of errors (n, 3) in their stated spreads (n, 3, 3): 1 where these are true."""
     square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)
     return float(square.mean() / 3)
+
+
+def displaced(
+    middle: FloatArray, rng: np.random.Generator, angle: float, distance: float
+) -> FloatArray:
+    """T (4, 4) that turns by an angle about a random axis through a point, and shifts [m]."""
+    turn, way = unit(rng.normal(size=(2, 3)))
+    return turn_about(middle, Rotation.from_rotvec(angle * turn).as_matrix(), distance * way)
 
 
 def counted(words: Iterable[object]) -> dict[str, int]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from calibration.wiring import Fault, Wiring, boards_of
 from calibration.wiring.boards import Boards
-from calibration.wiring.faults import chain_faults
+from calibration.wiring.faults import all_faults
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.log_map import log_map
@@ -31,6 +31,11 @@ from skinmap.touch.simulation.simulator import Stage, prepare, touch_loads
 REACH = 0.13  # of the log map round a place [m]
 POKE, PACE = 12, 0.13  # samples of a poke; speed of a stroke [m/s], sampled at 50 Hz
 RATE, WAY = 50.0, 1.5  # samples a second; seconds on the way to the next place
+NAMES = {
+    "swap": "swapped_modules", "turn": "turned_module", "mirror": "mirrored_module",
+    "mute": "mute_module", "chains": "swapped_chains", "reverse": "reversed_chain",
+    "mute-chain": "mute_chain", "channels": "swapped_channels",
+}  # fmt: skip
 OF_TAXELS = ("dead", "stuck", "noisy", "clipped", "weak")  # `dead:5`, `weak:5,40` (percent)
 
 
@@ -282,62 +287,19 @@ def parse_fault(text: str, boards: Boards) -> Fault:
         Another word, module or chain, or another number of them.
     """
     name, _, rest = text.partition(":")
-    counts = {"swap": (2,), "turn": (1, 2), "mirror": (1, 2), "mute": (1,), "chains": (2,),
-              "reverse": (1,), "mute-chain": (1,), "channels": (2,)}  # fmt: skip
-    if name not in counts:
-        raise UnknownNameError("fault", name, (*counts, *OF_TAXELS))
-    try:
-        values = [int(word) for word in rest.split(",")]
-    except ValueError:
-        values = []
-    if len(values) not in counts[name]:
-        raise InvalidArrayError(
-            f"{text!r} is not a fault: {name} takes {' or '.join(map(str, counts[name]))} whole "
-            "numbers after the colon"
-        )
-    if name in ("chains", "reverse", "mute-chain"):
-        return _chain_fault(name, values, boards)
-    if name == "channels":
-        return _channel_fault(values, boards)
-    count = 2 if name == "swap" else 1
-    modules = tuple(_module(number, boards) for number in values[:count])
-    if name in ("swap", "mute"):
-        if len(set(modules)) < count:
-            raise InvalidArrayError(f"{text!r}: a module cannot be swapped with itself")
-        return Fault("swapped_modules" if name == "swap" else "mute_module", tuple(sorted(modules)))
-    degrees = values[1] if len(values) > 1 else (120 if name == "turn" else 0)
-    if degrees not in ((120, 240) if name == "turn" else (0, 120, 240)):
-        raise InvalidArrayError(f"{text!r}: boards are turned by 120 or 240 degrees")
-    if not boards.turnable:
-        raise InvalidArrayError(f"{text!r}: {boards.part!r} has no layout that can be turned")
-    kind, first = ("turned_module", 0) if name == "turn" else ("mirrored_module", 3)
-    return Fault(kind, modules, element=first + degrees // 120)
-
-
-def _module(number: int, boards: Boards) -> int:
-    found = np.flatnonzero(boards.numbers == number)
-    if len(found) == 0:
-        raise UnknownNameError(
-            f"module of {boards.part!r}", str(number), [str(n) for n in boards.numbers]
-        )
-    return int(found[0])
-
-
-def _chain_fault(name: str, values: Sequence[int], boards: Boards) -> Fault:
-    kind = {"chains": "swapped_chains", "reverse": "reversed_chain", "mute-chain": "mute_chain"}
-    for fault in chain_faults(boards):
-        if fault.kind == kind[name] and fault.chains == tuple(sorted(values)):
-            return fault
-    there = [str(chain) for chain in np.unique(boards.chains)]
-    raise UnknownNameError(f"chain of {boards.part!r}", ",".join(map(str, values)), there)
-
-
-def _channel_fault(values: Sequence[int], boards: Boards) -> Fault:
-    rows = [np.flatnonzero(boards.table.channels == value) for value in values]
-    if any(len(row) == 0 for row in rows):
-        raise InvalidArrayError(f"{boards.part!r} has no channels {values[0]} and {values[1]}")
-    spots = [np.argwhere(boards.columns == row[0])[0] for row in rows]
-    if spots[0][0] != spots[1][0] or values[0] == values[1]:
-        raise InvalidArrayError("two different channels of one module are expected")
-    slots = sorted(int(spot[1]) for spot in spots)
-    return Fault("swapped_channels", (int(spots[0][0]),), slots=(slots[0], slots[1]))
+    if name not in NAMES:
+        raise UnknownNameError("fault", name, (*NAMES, *OF_TAXELS))
+    values = [int(word) if word.isdecimal() else -1 for word in rest.split(",")]
+    element = 0
+    if name in ("turn", "mirror"):
+        values, degrees = values[:1], values[1] if len(values) > 1 else 120 * (name == "turn")
+        element = (0 if name == "turn" else 3) + degrees // 120
+    for fault in all_faults(boards).faults if boards.turnable or not element else ():
+        if fault.kind == NAMES[name] and fault.element == element:
+            numbers = fault.channels(boards) if fault.slots else fault.numbers(boards)
+            if sorted(fault.chains or numbers) == sorted(values):
+                return fault
+    raise InvalidArrayError(
+        f"{text!r}: {boards.part!r} has no such modules, chains, turns or channels of a module, "
+        "and nothing is exchanged with itself"
+    )

@@ -16,9 +16,8 @@ from typing import Any
 
 import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
-from scipy.spatial.transform import Rotation
 
-from benchmarks.calibration.patches import counted, normalised
+from benchmarks.calibration.patches import counted, displaced, normalised
 from benchmarks.harness.timing import timed
 from calibration.mount.chains import Chain
 from calibration.mount.robot_chains import robot_chain
@@ -103,15 +102,11 @@ class Bench:
         self.chain = robot_chain(self.robot, skin.link, own, name=self.part, taxels=skin.positions)
         self.normals, self.modules = skin.normals, skin.modules
         middle = skin.positions.mean(axis=0)
-        axis, way = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
-        mount = np.eye(4)
-        mount[:3, :3] = Rotation.from_rotvec(off.mount_turn * axis).as_matrix()
-        mount[:3, 3] = middle - mount[:3, :3] @ middle + off.mount_shift * way
-        self.mount = mount
+        self.mount = displaced(middle, rng, off.mount_turn, off.mount_shift)
         _, group = np.unique(skin.modules, return_inverse=True)
         shape = skin.positions + rng.normal(0, off.modules, (group.max() + 1, 3))[group]
         shape = shape + rng.normal(0, off.shape, shape.shape)
-        self.places = transform_points(mount, shape)  # in the link
+        self.places = transform_points(self.mount, shape)  # in the link
         self.offsets = rng.normal(0, off.joints, len(own))
         n = len(self.places)
         self.gains = np.exp(rng.normal(0, GAINS, n))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
+from calibration.commands.results import judged
 from skinmap.commands.options import open_robot, out_folder
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.errors import SkinMismatchError
@@ -100,7 +101,7 @@ class Outputs:
         ----------
         result : Calibrated
         lines : callable
-            Words for people.
+            Words for people, after the status and its reasons.
         write : callable
             Given the folder, writes files and returns their names.
         page : callable
@@ -108,7 +109,7 @@ class Outputs:
         """
         present(
             result,
-            lines,
+            lambda one: [*judged(one), *lines(one)],
             as_json=self.as_json,
             out=self.out,
             write=write,

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from calibration.commands.calibration_options import FILE, Outputs, outputs, skin_of, skin_options
-from calibration.commands.results import Calibrated, Spread, judged
+from calibration.commands.results import Calibrated, Spread
 from skinmap.commands.options import Number, prints
 from skinmap.commands.progress import progress
 from skinmap.errors import DataFormatError, SkinMismatchError
@@ -100,10 +99,6 @@ class LoadResult(Calibrated):
         Median error of the area of a print by the others; null without prints.
     fingerprint
         Of the skin; empty without `--part`.
-    seconds
-        CPU time of the solution.
-    files
-        Names of the files inside `--out`.
     """
 
     channels: int
@@ -127,8 +122,6 @@ class LoadResult(Calibrated):
     spread_mm: float | None
     print_error: float | None
     fingerprint: str
-    seconds: float
-    files: list[str] = field(default_factory=list)
 
 
 @click.command("load")
@@ -186,7 +179,6 @@ def work(
     pressed = [_pressed(one, path, area_mm2) for one, path in loads]
     skin = skin_of(robot, part, counts[0])
     marks = "" if skin is None else fingerprint(skin)
-    start = time.process_time()
     when = max(path.stat().st_mtime for path in evidence)
     if any(one.reference.ndim == 2 for one in pressed):
         if skin is None or len(pressed) > 1:
@@ -207,7 +199,6 @@ def work(
     prints = _printed(printed, fit.calibration, skin) if printed else None
     if prints is not None:
         fit = replace(fit, calibration=replace(fit.calibration, covering=prints.covering))
-    seconds = time.process_time() - start
     found = fit.calibration
     result = LoadResult(
         status="ok",
@@ -245,7 +236,6 @@ def work(
         spread_mm=None if prints is None else 1e3 * prints.covering.spread,
         print_error=None if prints is None else prints.error,
         fingerprint=marks,
-        seconds=seconds,
     )
     return result, fit, pressed
 
@@ -310,7 +300,6 @@ def _clock(row: ClockRow) -> str:
 
 
 def _lines(result: LoadResult) -> Iterator[str]:
-    yield from judged(result)
     yield (
         f"{result.answered} of {result.channels} taxels, 0 to {result.top_bar:.2f} bar, model "
         f"{result.model}, running mean of {result.mean_s:g} s: error "
@@ -341,22 +330,12 @@ def _areas(result: LoadResult) -> str:
 def _page(fit: LoadFit, pressed: list[Pressed], result: LoadResult) -> str:
     from calibration.commands.pages import judged_page
 
-    rows = [
-        ("taxels with pressures", f"{result.answered} of {result.channels}"),
-        ("calibrated range", f"0 to {result.top_bar:.2f} bar"),
-        ("model", f"{result.model}, running mean of {result.mean_s:g} s"),
-        *((f"held out, {name}", f"{error:.3f} bar") for name, error in result.held_out_bar.items()),
-        ("doubt of a session's zero", f"{result.doubt_bar:.3f} bar"),
-        *((f"clock {i + 1}", _clock(row)) for i, row in enumerate(result.clocks)),
-        *([] if result.prints is None else [("areas", _areas(result))]),
-        ("left out, dead", _named(result.dead)),
-        ("left out, do not follow", _named(result.stray)),
-    ]
     words = (
         "Pressures that the calibration reads against those of the reference: median of the "
         "taxels, the half of them in the dark band, 90 % intervals of a taxel in the light one."
     )
-    return judged_page("Loads", result, rows, [("Curves", _picture(fit, pressed[0]), words)])
+    pictures = [("Curves", _picture(fit, pressed[0]), words)]
+    return judged_page("Loads", result, _lines(result), pictures)
 
 
 def _picture(fit: LoadFit, one: Pressed) -> bytes:

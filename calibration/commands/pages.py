@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import astuple
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from calibration.commands.results import MM, PatchResult
-from calibration.files.tables import BoardTable
 from calibration.patch.patch_calibration import PatchCalibration
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.rigid import transform_points
-from skinmap.geometry.triangles import face_normals, unit
+from skinmap.geometry.triangles import face_normals
 from skinmap.report.page import (
-    facts,
     heading,
     image,
     note,
@@ -41,24 +40,15 @@ COLOURS = {
     "ok": "#00795c", "never touched": "#9aa5b1", "dead": "#1d2733", "stuck": "#7a3fb0",
     "saturated": "#b04a00", "noisy": "#d4a000",
 }  # fmt: skip
-WORDS = {
-    "ok": "The patch may be used as it is.",
-    "low_coverage": "The evidence covers too little of the patch.",
-    "ambiguous": "The measurements do not determine the place of the patch.",
-    "unobservable": "The patch can still move freely in some way.",
-    "not_settled": "The search ended before it came to rest.",
-}
-TURN = np.radians(50.0)  # of each of the two side views
-MARGIN = 12e-3  # round the patch: what of the link lies further is cut off [m]
-SHADES = "viridis"
 MAX_NAMED = 24  # taxels with evidence that are named
 
 
 def judged_page(
     title: str,
     result: Calibrated,
-    rows: Iterable[tuple[str, str]],
+    lines: Iterable[str],
     pictures: Sequence[Picture],
+    *more: str,
 ) -> str:
     """A whole page.
 
@@ -67,12 +57,15 @@ def judged_page(
     title : str
     result : Calibrated
         Its status and reasons come first.
-    rows : iterable of two str
-        Numbers in words.
+    lines : iterable of str
+        What people read in the terminal.
     pictures : sequence of Picture
+    *more : str
+        HTML below them.
     """
     shown = [heading(head) + note(words) + image(png, head) for head, png, words in pictures]
-    return page(title, [verdict_lines(result.verdict(accept=False)), facts(rows), *shown])
+    verdict = verdict_lines(result.verdict(accept=False))
+    return page(title, [verdict, *map(paragraph, lines), *shown, *more])
 
 
 def taxel_picture(positions: FloatArray, sd: FloatArray) -> bytes:
@@ -153,109 +146,15 @@ def _views(vertices: FloatArray) -> list[View]:
     return [View("across its short axis", thin, long), View("across its middle axis", middle, long)]
 
 
-def patch_page(
-    title: str,
-    result: PatchResult,
-    found: PatchCalibration,
-    board: BoardTable,
-    link: tuple[FloatArray, IntArray],
-    kind: str,
-) -> str:
-    """The whole page.
-
-    Parameters
-    ----------
-    title : str
-        What was laid on what.
-    result : PatchResult
-        What the command prints as JSON.
-    found : PatchCalibration
-    board : BoardTable
-        Seen from outside.
-    link : (v, 3) array of float [m], (f, 3) array of int
-    kind : str
-        "anchors" or "touches": what the patch was calibrated by.
-    """
-    rows = {int(channel): row for row, channel in enumerate(board.channels)}
-    taxels = np.array([rows[one.channel] for one in result.evidence], np.int64)
-    drawn = board_picture(found, board.layout, board.channels, kind, taxels)
-    return page(
-        title,
-        [
-            verdict_lines(result.verdict(accept=False), WORDS[result.status]),
-            facts(_numbers(result)),
-            heading("On the link"),
-            image(patch_picture(found, link), "patch on its link, coloured by predicted error"),
-            heading("On the board"),
-            image(drawn, "board, by predicted error"),
-            paragraph(
-                f"Weakest direction: {result.weakest}. Measure next: channels "
-                f"{', '.join(map(str, result.next))}, in this order."
-            ),
-            heading(kind.capitalize()),
-            note(
-                f"How far each of the {kind} is from where it was laid, and from where all others "
-                "predict it, beside the error that is expected there."
-            ),
-            _evidence(result).html(),
-        ],
-    )
-
-
-def _numbers(result: PatchResult) -> list[tuple[str, str]]:
-    sd, left, expected = (
-        result.predicted_mm, result.leave_one_out_mm, result.leave_one_out_expected_mm
-    )  # fmt: skip
-    return [
-        ("taxels", str(result.taxels)),
-        ("predicted error, median", f"{sd.median:.2f} mm"),
-        ("predicted error, 95 % of the taxels below", f"{sd.p95:.2f} mm"),
-        ("predicted error, worst taxel", f"{sd.max:.2f} mm"),
-        ("leave-one-out error, median (expected)",
-         f"{left.median:.2f} mm ({expected.median:.2f} mm)"),
-        ("leave-one-out error, worst (expected)", f"{left.max:.2f} mm ({expected.max:.2f} mm)"),
-        ("strain, rms (expected of a flat map of this place)",
-         f"{result.strain_percent:.2f} % ({result.expected_strain_percent:.2f} %)"),
-        ("strain that was not expected, rms", f"{result.unexpected_strain_percent:.2f} %"),
-        ("coverage: share of the patch inside the hull of the evidence",
-         f"{100 * result.coverage:.0f} %"),
-        ("scale of the body against the layout", f"{result.scale:.4f}"),
-        ("layout drawn from the other side", "yes" if result.mirrored else "no"),
-        ("mean height above the link", f"{result.height_mm:.2f} mm"),
-    ]  # fmt: skip
-
-
-def _evidence(result: PatchResult) -> Table:
+def evidence_table(result: PatchResult, kind: str) -> str:
+    """Heading, words and table of the anchors or touches (`kind`) of a patch."""
     columns = ("channel", "missed by [mm]", "left out, missed by [mm]", "expected [mm]", "misfit")
-    rows = [
-        (one.channel, round(one.missed_mm, 2), round(one.leave_one_out_mm, 2),
-         round(one.expected_mm, 2), round(one.misfit, 1))
-        for one in result.evidence
-    ]  # fmt: skip
-    return Table(columns, rows)
-
-
-def patch_picture(found: PatchCalibration, link: tuple[FloatArray, IntArray]) -> bytes:
-    """PNG of the patch on its link from three sides, coloured by the predicted error."""
-    sd = MM * found.predicted_sd
-    views = _patch_views(found)
-    figure = plain_figure((4.0 * len(views) + 0.8, 4.4))
-    axes = figure.subplots(1, len(views))
-    paint = _paint(sd)
-    vertices, faces = link
-    near = _near(found, vertices, faces)
-    for axis, view in zip(axes, views, strict=True):
-        _draw_link(axis, view, vertices, near)
-        seen = found.normals @ view.out > 0.0
-        points = view.project(MM * found.positions)
-        colours = paint.to_rgba(sd[seen])
-        axis.scatter(*points[seen, :2].T, c=colours, s=14, linewidths=0, zorder=3)
-        low, high = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
-        axis.set_xlim(low[0] - MM * MARGIN, high[0] + MM * MARGIN)
-        axis.set_ylim(low[1] - MM * MARGIN, high[1] + MM * MARGIN)
-    bar = figure.colorbar(paint, ax=axes, shrink=0.8)
-    bar.set_label("predicted error [mm]")
-    return picture_bytes(figure)
+    words = (
+        f"How far each of the {kind} is from where it was laid, and from where all others predict "
+        "it, beside the error that is expected there."
+    )
+    table = Table(columns, [astuple(one) for one in result.evidence])
+    return heading(kind.capitalize()) + note(words) + table.html()
 
 
 def board_picture(
@@ -285,8 +184,7 @@ def board_picture(
     figure = plain_figure((8.6, height + 1.4))
     axis = figure.subplots()
     places = MM * layout
-    paint = _paint(sd)
-    axis.scatter(*places.T, c=paint.to_rgba(sd), s=26, linewidths=0)
+    paint = axis.scatter(*places.T, c=sd, vmin=0.0, cmap="viridis", s=26, linewidths=0)
     style = {"s": 110, "linewidths": 1.4, "edgecolors": "black", "label": kind}
     names = [str(channels[taxel]) for taxel in taxels[:MAX_NAMED]]
     _ring(axis, places[taxels], names, (6, 6), **style)
@@ -314,36 +212,3 @@ def _ring(
             name, place, xytext=off, textcoords="offset points", fontsize=8,
             color=style["edgecolors"],
         )  # fmt: skip
-
-
-def _paint(values: FloatArray) -> Any:
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-
-    paint = ScalarMappable(Normalize(0.0, float(values.max())), SHADES)
-    paint.set_array(values)
-    return paint
-
-
-def _patch_views(found: PatchCalibration) -> list[View]:
-    """From the front of the patch and from both sides; its long axis up, or the link's z."""
-    looks = unit(found.normals.mean(axis=0))
-    _, _, axes = np.linalg.svd(found.positions - found.positions.mean(axis=0), full_matrices=False)
-    up = axes[0] - (axes[0] @ looks) * looks
-    up = unit(up if np.linalg.norm(up) > 0.1 else axes[1] - (axes[1] @ looks) * looks)
-    side = np.cross(up, looks)
-    names = {"from its left": -TURN, "from the front of the patch": 0.0, "from its right": TURN}
-    return [
-        View(name, np.cos(turn) * looks + np.sin(turn) * side, up) for name, turn in names.items()
-    ]
-
-
-def _near(found: PatchCalibration, vertices: FloatArray, faces: IntArray) -> IntArray:
-    """Faces of the link round the patch, no more than can be seen."""
-    low = found.positions.min(axis=0) - 5 * MARGIN
-    high = found.positions.max(axis=0) + 5 * MARGIN
-    middle = vertices[faces].mean(axis=1)
-    near = faces[((middle > low) & (middle < high)).all(axis=1)]
-    if len(near) == 0:  # huge triangles: all of them
-        near = faces
-    return near[:: max(1, len(near) // MAX_FACES)]

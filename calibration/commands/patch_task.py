@@ -205,10 +205,24 @@ class SolvedPatch:
 
     def page(self) -> str:
         """The report."""
-        from calibration.commands.pages import patch_page
+        from calibration.commands.pages import (
+            PLACED,
+            board_picture,
+            evidence_table,
+            judged_page,
+            taxel_picture,
+        )
 
-        task = self.task
-        return patch_page(task.title, self.result, self.found, self.board, task.link, task.kind)
+        task, result, board = self.task, self.result, self.board
+        rows = {int(channel): row for row, channel in enumerate(board.channels)}
+        taxels = np.array([rows[one.channel] for one in result.evidence], np.int64)
+        drawn = board_picture(self.found, board.layout, board.channels, task.kind, taxels)
+        pictures = [
+            ("On the link", taxel_picture(self.found.positions, self.found.predicted_sd), PLACED),
+            ("On the board", drawn, "Coloured by predicted error, with what to measure next."),
+        ]
+        evidence = evidence_table(result, task.kind)
+        return judged_page(task.title, result, patch_lines(result), pictures, evidence)
 
     def save(self, folder: Path, *, accept: bool) -> PatchResult:
         """Write tables and report, of a refused patch only the report of why not."""
@@ -225,15 +239,16 @@ def load_link(path: Path, unit: float) -> tuple[FloatArray, IntArray]:
 
 def patch_lines(result: PatchResult) -> Iterator[str]:
     """What people read of a patch."""
-    sd, left = result.predicted_mm, result.leave_one_out_mm
-    yield f"{result.status}: {result.taxels} taxels"
-    yield from (f"  {line}" for line in (*result.reasons, *result.mesh_notes))
+    sd, left = result.predicted_sd_mm, result.leave_one_out_mm
+    yield f"{result.taxels} taxels, {100 * result.coverage:.0f} % inside the hull of the evidence"
+    yield from result.mesh_notes
     yield f"predicted error: median {sd.median:.2f} mm, worst {sd.max:.2f} mm"
     yield (
         f"each predicted from all others: off by {left.median:.2f} mm (median; "
         f"{result.leave_one_out_expected_mm.median:.2f} mm expected), {left.max:.2f} mm at most"
     )
-    yield f"measure next: channels {', '.join(map(str, result.next))}"
+    yield result.weakest
+    yield f"measure next: channels {', '.join(map(str, result.next))}, in this order"
 
 
 def _rms_percent(strain: FloatArray) -> float:

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from calibration.commands.calibration_options import FILE, NO_SEED, Outputs, outputs
-from calibration.commands.results import MM, Calibrated, Matrix, Spread, grade, judged
+from calibration.commands.results import MM, Calibrated, Matrix, Spread, grade
 from skinmap.commands.options import (
     open_robot,
     part_option,
@@ -89,8 +88,6 @@ class PlaneResult(Calibrated):
         T_link_patch [m], by part.
     planes
         Planes of the pressed surfaces.
-    plane_given
-        Whether they were known.
     joint_offsets_deg
         Zero positions, by joint.
     joint_sd_deg
@@ -103,8 +100,6 @@ class PlaneResult(Calibrated):
         Factor by which the covariances were widened.
     inconsistent
         Contacts that contradict the others, from 0.
-    dropped
-        Contacts that were left out.
     dead, stuck
         Channels left out, by part.
     assumed
@@ -113,10 +108,6 @@ class PlaneResult(Calibrated):
         Least certain motion of each part, in words.
     next
         Poses to press in, the best first.
-    seconds
-        CPU time of the solution.
-    files
-        Names of the files inside `--out`.
     """
 
     robot: str
@@ -126,21 +117,17 @@ class PlaneResult(Calibrated):
     touched: dict[str, float]
     mounts: dict[str, Matrix]
     planes: list[Surface]
-    plane_given: bool
     joint_offsets_deg: dict[str, float]
     joint_sd_deg: dict[str, float]
     depth_spread_mm: float
     module_spread_mm: float
     widening: float
     inconsistent: list[int]
-    dropped: list[int]
     dead: dict[str, list[int]]
     stuck: dict[str, list[int]]
     assumed: list[str]
     weakest: dict[str, str]
     next: list[NextPress]
-    seconds: float
-    files: list[str] = field(default_factory=list)
 
 
 @click.command("plane")
@@ -234,7 +221,6 @@ def work(
     known = read_planes(planes)
     presses = read_plane_evidence(evidence, robot, parts)
     pressed, joints = tuple(presses.contacts.active), presses.joints
-    start = time.process_time()
     fit = fit_plane(
         presses.contacts,
         list(part_chains(robot, pressed, joints).values()),
@@ -242,7 +228,6 @@ def work(
         planes=known,
         joint_names=joints,
     )
-    seconds = time.process_time() - start
     turning = [k for k in fit.joint_offsets if joints[k] not in robot.body.sliding_joints]
     channels = {part: robot.skin(part).channels for part in pressed}
     result = PlaneResult(
@@ -258,20 +243,17 @@ def work(
             Surface(point_mm=(MM * one.point).tolist(), normal=one.normal.tolist())
             for one in fit.planes
         ],
-        plane_given=known is not None,
         joint_offsets_deg={joints[k]: float(np.rad2deg(fit.joint_offsets[k])) for k in turning},
         joint_sd_deg={joints[k]: float(np.rad2deg(fit.joint_sds[k])) for k in turning},
         depth_spread_mm=MM * fit.depth_spread,
         module_spread_mm=MM * fit.shift_spread,
         widening=fit.widening,
         inconsistent=list(fit.inconsistent),
-        dropped=list(fit.dropped),
         dead={part: channels[part][list(fit.dead[part])].tolist() for part in pressed},
         stuck={part: channels[part][list(fit.stuck[part])].tolist() for part in pressed},
         assumed=[*fit.assumed, *_still(robot, presses)],
         weakest=dict(fit.weakest),
         next=_proposed(robot, presses, fit),
-        seconds=seconds,
     )
     return result, presses, fit
 
@@ -345,46 +327,22 @@ def _page(evidence: PlaneEvidence, fit: PlaneFit, result: PlaneResult) -> str:
         for part in evidence.contacts.active
     ]
     title = f"Presses on a flat surface: {', '.join(result.calibrated)}"
-    return judged_page(title, result, _rows(result), pictures)
-
-
-def _rows(result: PlaneResult) -> Iterator[tuple[str, str]]:
-    """Numbers in words."""
-    sd = result.predicted_sd_mm
-    yield "contacts", str(result.contacts)
-    yield "predicted error of a taxel, median", f"{sd.median:.2f} mm"
-    yield "95 % of the taxels below", f"{sd.p95:.2f} mm"
-    yield "press depth from contact to contact (sd)", f"{result.depth_spread_mm:.2f} mm"
-    yield "shift of a module along each axis (sd)", f"{result.module_spread_mm:.2f} mm"
-    yield "covariances were widened by", f"{result.widening:.2f}"
-    yield "contradicting contacts", ", ".join(map(str, result.inconsistent)) or "none"
-    yield "left out", ", ".join(map(str, result.dropped)) or "none"
-    for part, share in result.touched.items():
-        yield f"{part}: taxels that felt a press", f"{100 * share:.0f} %"
-        yield f"{part}: weakest direction", result.weakest[part]
-        for kind, channels in (("dead", result.dead[part]), ("stuck", result.stuck[part])):
-            if channels:
-                yield f"{part}: {kind} channels, left out", ", ".join(map(str, channels))
-    for joint, value in result.joint_offsets_deg.items():
-        yield f"zero of {joint}", f"{value:+.2f} +- {result.joint_sd_deg[joint]:.2f} degrees"
-    for words in result.assumed:
-        yield "assumed", words
-    for number, one in enumerate(result.next, start=1):
-        pose = ", ".join(f"{joint} {value:.1f}" for joint, value in one.joints_deg.items())
-        words = f"{pose} [deg], expected error then {one.expected_sd_mm:.2f} mm (rms)"
-        yield f"press next, {number}", words
+    return judged_page(title, result, _lines(result), pictures)
 
 
 def _lines(result: PlaneResult) -> Iterator[str]:
     sd = result.predicted_sd_mm
-    yield from judged(result)
     yield f"{', '.join(result.calibrated)}: {result.contacts} contacts"
     yield (
         f"predicted error: median {sd.median:.2f} mm, 95 % below {sd.p95:.2f} mm, "
         f"worst {sd.max:.2f} mm"
     )
-    yield from (f"{part}: {words}" for part, words in result.weakest.items())
-    yield f"contacts left out: {', '.join(map(str, result.dropped)) or 'none'}"
+    for part, share in result.touched.items():
+        yield f"{part}: {100 * share:.0f} % of the taxels felt a press; {result.weakest[part]}"
+        for kind, channels in (("dead", result.dead[part]), ("stuck", result.stuck[part])):
+            if channels:
+                yield f"{part}: {kind} channels, left out: {', '.join(map(str, channels))}"
+    yield f"contradicting contacts: {', '.join(map(str, result.inconsistent)) or 'none'}"
     yield from (f"assumed: {words}" for words in result.assumed)
     for number, one in enumerate(result.next, start=1):
         pose = [f"{joint} {value:.1f} deg" for joint, value in one.joints_deg.items()]

@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from calibration.commands.calibration_options import FILE, Outputs, outputs, skin_of, skin_options
-from calibration.commands.results import Calibrated, Spread, judged
+from calibration.commands.results import Calibrated
 from skinmap.commands.options import prints
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.rows import percent
+from skinmap.summary import first_few
 
 if TYPE_CHECKING:
     from calibration.response.response import ResponseCalibration
@@ -38,12 +38,6 @@ class ResponseResult(Calibrated):
         Numbers of channels by state.
     unfit
         Channels that are not to be used.
-    baseline
-        Reading at rest [counts].
-    noise
-        Noise at rest [counts].
-    threshold
-        Deviation that is a touch [counts].
     gain
         Whether load curves were found.
     explained
@@ -53,24 +47,15 @@ class ResponseResult(Calibrated):
         Samples a second at which drift is followed.
     fingerprint
         Of the skin; empty without `--part`.
-    seconds
-        CPU time of the solution.
-    files
-        Names of the files inside `--out`.
     """
 
     channels: int
     health: dict[str, int]
     unfit: list[int]
-    baseline: Spread
-    noise: Spread
-    threshold: Spread
     gain: bool
     explained: float | None
     rate: float
     fingerprint: str
-    seconds: float
-    files: list[str] = field(default_factory=list)
 
 
 @click.command("response")
@@ -128,7 +113,6 @@ def work(
         loads = ReferenceLoads(given["samples"], given["loads"])
     skin = skin_of(robot, part, np.shape(arrays["samples"])[-1])
     marks = "" if skin is None else fingerprint(skin)
-    start = time.process_time()
     found = ResponseCalibration.fit(
         arrays["samples"],
         loads,
@@ -138,7 +122,6 @@ def work(
         thermal=arrays.get("thermal"),
         fingerprint=marks,
     )
-    seconds = time.process_time() - start
     health = {str(state): int((found.health == state).sum()) for state in Health}
     bad = [state for state in Health if state not in (Health.OK, Health.NEVER_TOUCHED)]
     unfit = np.isin(found.health, bad)
@@ -156,14 +139,10 @@ def work(
         channels=len(found),
         health=health,
         unfit=np.flatnonzero(unfit).tolist(),
-        baseline=Spread.of(found.baseline),
-        noise=Spread.of(found.noise),
-        threshold=Spread.of(found.threshold),
         gain=found.gain is not None,
         explained=share,
         rate=found.rate,
         fingerprint=marks,
-        seconds=seconds,
     )
     return result, found
 
@@ -178,22 +157,14 @@ def _write(found: ResponseCalibration, folder: Path) -> list[str]:
 def _page(name: str, found: ResponseCalibration, result: ResponseResult) -> str:
     from calibration.commands.pages import judged_page, response_picture
 
-    rows = [
-        ("channels", str(result.channels)),
-        *((state, str(count)) for state, count in result.health.items()),
-        ("baseline, median", f"{result.baseline.median:.1f} counts"),
-        ("noise, median", f"{result.noise.median:.2f} counts"),
-        ("threshold, median", f"{result.threshold.median:.2f} counts"),
-        ("unfit channels", ", ".join(map(str, result.unfit[:MAX_NAMED])) or "none"),
-    ]
     words = "At rest. A channel is never touched until a load proves it well or dead."
     pictures = [("Channels", response_picture(found), words)]
-    return judged_page(f"Response: {name}", result, rows, pictures)
+    return judged_page(f"Response: {name}", result, _lines(result), pictures)
 
 
 def _lines(result: ResponseResult) -> Iterator[str]:
-    yield from judged(result)
     states = ", ".join(f"{count} {state}" for state, count in result.health.items() if count)
     yield f"{result.channels} channels: {states}"
+    yield f"unfit: {first_few(result.unfit, MAX_NAMED) or 'none'}"
     if result.explained is not None:
         yield f"curves explain {percent(result.explained)} % of the answers under load"

@@ -61,10 +61,13 @@ class Calibrated:
         `ok`, or in a word why the result is not to be used.
     reasons
         Why, the most telling first.
+    files
+        Names of the files inside `--out`.
     """
 
     status: Grade
     reasons: list[str]
+    files: list[str] = field(default_factory=list)
 
     def verdict(self, *, accept: bool) -> Verdict:
         """Whether it may be used."""
@@ -149,8 +152,6 @@ class PatchResult(Calibrated):
         Number of touches, with `--touches`.
     seconds
         CPU time of the solution, the link's wrap included.
-    files
-        Names of the files inside `--out`.
     """
 
     mirrored: bool
@@ -172,7 +173,6 @@ class PatchResult(Calibrated):
     mesh_notes: list[str]
     touches: int | msgspec.UnsetType = msgspec.UNSET
     seconds: float
-    files: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

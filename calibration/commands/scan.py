@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -43,14 +42,6 @@ class ScanResult(Calibrated):
         Takes points of the scan to the frame of the mesh [m].
     covariance
         Of a rotation vector [rad] about the scan's middle, then of a shift [m].
-    runner_up
-        The best other pose; null where none was found.
-    runner_up_cost
-        Its cost over that of the pose taken; null where there is none.
-    seconds
-        CPU time of the solution.
-    files
-        Names of the files inside `--out`.
     """
 
     rms_mm: float
@@ -60,10 +51,6 @@ class ScanResult(Calibrated):
     free_directions: list[str]
     T_mesh_scan: Matrix
     covariance: Matrix
-    runner_up: Matrix | None
-    runner_up_cost: float | None
-    seconds: float
-    files: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -163,7 +150,7 @@ def work(files: ScanFiles) -> tuple[ScanResult, ScanRegistration]:
 
     from calibration.scan.registration import register_scan
 
-    start, rng = time.process_time(), np.random.default_rng(0)
+    rng = np.random.default_rng(0)
     found = register_scan(files.points, *files.link, anchors=files.anchors, rng=rng)
     result = ScanResult(
         status=grade(found.status),
@@ -175,9 +162,6 @@ def work(files: ScanFiles) -> tuple[ScanResult, ScanRegistration]:
         free_directions=list(found.free_directions),
         T_mesh_scan=found.T_mesh_scan.tolist(),
         covariance=found.covariance.tolist(),
-        runner_up=None if found.runner_up is None else found.runner_up.tolist(),
-        runner_up_cost=found.runner_up_cost if np.isfinite(found.runner_up_cost) else None,
-        seconds=time.process_time() - start,
     )
     return result, found
 
@@ -206,21 +190,12 @@ def _write(
 def _page(files: ScanFiles, found: ScanRegistration, result: ScanResult) -> str:
     from calibration.commands.pages import judged_page, scan_picture
 
-    other = result.runner_up_cost
-    rows = [
-        ("distance from the mesh (rms of what lies on it)", f"{result.rms_mm:.2f} mm"),
-        ("the scan stands off the mesh by",
-         f"{result.standoff_mm:.2f} mm, to {result.standoff_sd_mm:.2f} mm"),
-        ("share of the scan on the mesh", f"{100 * result.share_on_mesh:.0f} %"),
-        ("the best other pose costs", "none" if other is None else f"{other:.2f} times as much"),
-        ("free motions", ", ".join(result.free_directions) or "none"),
-    ]  # fmt: skip
     words = "Points of the scan on the mesh, coloured by their distance."
     pictures = [("On the mesh", scan_picture(found, files.points, files.link), words)]
-    return judged_page(files.title, result, rows, pictures)
+    return judged_page(files.title, result, _lines(result), pictures)
 
 
 def _lines(result: ScanResult) -> Iterator[str]:
     above = f"{result.standoff_mm:.2f} mm above the mesh"
-    yield f"{result.status}: {result.rms_mm:.2f} mm (rms) from {above}"
-    yield from (f"  {reason}" for reason in result.reasons)
+    share = f"{100 * result.share_on_mesh:.0f} % of the scan on the mesh"
+    yield f"{result.rms_mm:.2f} mm (rms) from {above}, {share}"

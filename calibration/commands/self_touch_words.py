@@ -88,8 +88,7 @@ def _unobservable(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) 
             yield (
                 Status.UNOBSERVABLE,
                 f"taxels of {name} are known to {MM * sd:.1f} mm only, half a pitch is "
-                f"{MM * half:.1f} mm; the patch {weak_direction(places, covariance)}"
-                f"{_with(name, fit)}",
+                f"{MM * half:.1f} mm; the patch {weak_direction(places, covariance)}",
             )
     half = min(pitch_of(data.chains[name].taxels) for name in fit.mounts) / 2
     if fit.split_shift > half:
@@ -102,14 +101,6 @@ def _unobservable(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) 
         if name in asked:
             words = f"{name}: all its recordings were left out, its mount is as it came"
             yield Status.UNOBSERVABLE, words
-
-
-def _with(name: str, fit: SelfTouchFit) -> str:
-    """The patch that one moves together with."""
-    for pair in fit.unobserved.together:
-        if name in pair:
-            return f", together with {pair[1 - pair.index(name)]}"
-    return ""
 
 
 def _uncovered(data: SelfTouchData, fit: SelfTouchFit) -> Judged:
@@ -144,17 +135,9 @@ def notes_of(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> It
     for name in fit.left_alone:
         if name not in asked:
             yield f"{name} was not calibrated: all its recordings were left out"
-    for pair, sd in told.together.items():
-        yield (
-            f"{pair[0]} and {pair[1]} are known to each other; both may move together by "
-            f"{MM * sd:.1f} mm: touch one of them with another part, or with a probe"
-        )
     for joint, name in told.joints.items():
         other = f"equals a move of {name}" if name else "equals moves of several others together"
         yield f"the zero of {joint_name(data, joint)} cannot be determined: it {other}"
-    for recording, name in told.standoffs.items():
-        lifted = f"equals a lift of {name}" if name else "equals other moves"
-        yield f"how far skins stand apart in {recording} cannot be determined: it {lifted}"
     for joint, way in told.still.items():
         yield (
             f"{joint_name(data, joint)} moved by {np.rad2deg(way):.0f} deg only: touch in poses "

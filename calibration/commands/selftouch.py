@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from calibration.commands.calibration_options import NO_LOSS, NO_SEED, Outputs, outputs
-from calibration.commands.results import MM, Calibrated, Matrix, Probe, grade, judged
+from calibration.commands.results import MM, Calibrated, Matrix, Probe, grade
 from skinmap.commands.options import open_robot, outside_option, prints
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
 
 if TYPE_CHECKING:
-    from calibration.commands.pages import Picture
     from calibration.files.self_touch_files import SelfTouchData
     from calibration.mount.skin_contacts import SelfTouchFit
 
@@ -65,24 +63,20 @@ class SelfTouchResult(Calibrated):
         Recordings that contradict the others.
     medians_mm
         Median distance of what touched, by recording.
-    standoffs_mm
-        Distance of the two skins along their normals, by recording.
     mounts
         T_link_patch [m], by chain.
     probes
         Probes by their names.
-    tips_mm
-        Of the probes, by name.
     joint_offsets_deg
         By joint; by column without a robot.
     notes
         Recordings left out, and unobservable quantities.
+    touched
+        Share of the taxels of each patch that were touched.
+    weakest
+        Least certain motion of each patch, in words.
     next
         Channels to touch next, by chain.
-    seconds
-        CPU time of the solution.
-    files
-        Names of the files inside `--out`.
     """
 
     robot: str | None
@@ -95,15 +89,13 @@ class SelfTouchResult(Calibrated):
     dropped: list[str]
     inconsistent: list[str]
     medians_mm: dict[str, float]
-    standoffs_mm: dict[str, float]
     mounts: dict[str, Matrix]
     probes: dict[str, Probe]
-    tips_mm: dict[str, list[float]]
     joint_offsets_deg: dict[str, float]
     notes: list[str]
+    touched: dict[str, float]
+    weakest: dict[str, str]
     next: dict[str, list[int]]
-    seconds: float
-    files: list[str] = field(default_factory=list)
 
 
 @click.command("selftouch")
@@ -185,14 +177,16 @@ def work(data: SelfTouchData, names: Sequence[str] = ()) -> tuple[SelfTouchResul
         judge,
         next_taxels,
         notes_of,
+        placed,
         predicted,
         probe_words,
+        touched,
     )
     from calibration.mount.skin_contacts import self_touch
+    from calibration.patch.patch_status import weak_direction
 
     skins = tuple(name for name, one in data.chains.items() if not one.is_probe)
     asked = tuple(_chain(data, name) for name in names)
-    start = time.process_time()
     fit = self_touch(
         data.recordings,
         data.chains,
@@ -200,7 +194,6 @@ def work(data: SelfTouchData, names: Sequence[str] = ()) -> tuple[SelfTouchResul
         joint_offsets=bool(data.robot),
         rng=np.random.default_rng(0),
     )
-    seconds = time.process_time() - start
     found = judge(data, fit, asked)
     result = SelfTouchResult(
         status=grade(found[0][0]) if found else "ok",
@@ -219,16 +212,15 @@ def work(data: SelfTouchData, names: Sequence[str] = ()) -> tuple[SelfTouchResul
         dropped=list(fit.dropped),
         inconsistent=list(fit.inconsistent),
         medians_mm={name: MM * value for name, value in fit.medians.items()},
-        standoffs_mm={name: MM * value for name, value in fit.standoffs.items()},
         mounts={name: mount.tolist() for name, mount in fit.mounts.items()},
         probes=probe_words(data, fit),
-        tips_mm={name: (MM * tip).tolist() for name, tip in fit.tips.items()},
         joint_offsets_deg={
             name: float(np.rad2deg(value)) for name, value in _offsets(data, fit).items()
         },
         notes=list(notes_of(data, fit, asked)),
+        touched={name: float(touched(data, fit, name).mean()) for name in fit.mounts},
+        weakest={name: weak_direction(*placed(data.chains[name], fit)[1:]) for name in fit.mounts},
         next=next_taxels(data, fit),
-        seconds=seconds,
     )
     return result, fit
 
@@ -262,42 +254,27 @@ def _write(data: SelfTouchData, fit: SelfTouchFit, folder: Path) -> list[str]:
 
 def _page(data: SelfTouchData, fit: SelfTouchFit, result: SelfTouchResult) -> str:
     from calibration.commands.pages import PLACED, judged_page, taxel_picture
-    from calibration.commands.self_touch_words import placed, predicted, touched
-    from calibration.patch.patch_status import weak_direction
+    from calibration.commands.self_touch_words import placed, predicted
 
-    rows = [
-        ("distance of what touched, as it came (rms)", f"{result.rms_mm.before:.2f} mm"),
-        ("calibrated", f"{result.rms_mm.after:.2f} mm"),
-        ("held-out error: touches that the fit never saw", f"{result.rms_mm.held_out:.2f} mm"),
-        ("taxels move between fits to two halves by", f"{result.split_shift_mm:.2f} mm"),
-        *((f"median of {name}", f"{value:.2f} mm") for name, value in result.medians_mm.items()),
-        ("left out", ", ".join(fit.dropped) or "nothing"),
-        *(("note", note) for note in result.notes),
+    chains = {name: data.chains[name] for name in fit.mounts}
+    pictures = [
+        (f"{name} on its link", taxel_picture(placed(one, fit)[1], predicted(one, fit)), PLACED)
+        for name, one in chains.items()
     ]
-    pictures: list[Picture] = []
-    for name in fit.mounts:
-        _, places, covariance = placed(data.chains[name], fit)
-        share = 100 * touched(data, fit, name).mean()
-        rows += [
-            (f"{name}: taxels that were touched", f"{share:.0f} %"),
-            (f"{name}: predicted error, median", f"{result.predicted_sd_mm[name]:.2f} mm"),
-            (f"{name}: weakest direction", f"the patch {weak_direction(places, covariance)}"),
-            (f"{name}: touch next", f"taxels {', '.join(map(str, result.next[name]))}"),
-        ]
-        sd = predicted(data.chains[name], fit)
-        pictures.append((f"{name} on its link", taxel_picture(places, sd), PLACED))
-    return judged_page(f"Self-touch: {', '.join(fit.mounts)}", result, rows, pictures)
+    title = f"Self-touch: {', '.join(fit.mounts)}"
+    return judged_page(title, result, _lines(result), pictures)
 
 
 def _lines(result: SelfTouchResult) -> Iterator[str]:
     rms = result.rms_mm
-    yield from judged(result)
     yield (
         f"{', '.join(result.calibrated)}: {rms.before:.2f} -> {rms.after:.2f} mm rms, "
         f"held out {rms.held_out:.2f} mm"
     )
     yield f"taxels move by {result.split_shift_mm:.2f} mm between fits to two halves"
     for name, sd in result.predicted_sd_mm.items():
-        yield f"{name}: predicted error {sd:.2f} mm"
+        yield f"{name}: {result.touched[name]:.0%} of the taxels touched, error {sd:.2f} mm"
+        yield f"{name}: weakest direction: the patch {result.weakest[name]}"
+        yield f"{name}: touch next: taxels {', '.join(map(str, result.next[name]))}"
     yield f"left out: {', '.join(result.dropped) or 'nothing'}"
     yield from (f"note: {note}" for note in result.notes)

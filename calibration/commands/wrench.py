@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from calibration.commands.calibration_options import FILE, NO_LOSS, NO_SEED, Outputs, outputs
-from calibration.commands.results import MM, Calibrated, Grade, Matrix, Spread, judged
+from calibration.commands.results import MM, Calibrated, Grade, Matrix, Spread
 from skinmap.commands.options import prints, units_option
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
@@ -39,10 +38,6 @@ class WrenchResult(Calibrated):
         Least certain motion of the patch, in words.
     mount
         Pose of the patch, T_link_patch [m].
-    seconds
-        CPU time of the solution.
-    files
-        Names of the files inside `--out`.
     """
 
     touches: int
@@ -51,8 +46,6 @@ class WrenchResult(Calibrated):
     predicted_sd_mm: Spread
     weakest: str
     mount: Matrix
-    seconds: float
-    files: list[str] = field(default_factory=list)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -132,10 +125,8 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
     from skinmap.geometry.rigid import transform_points
 
     given = touches.points, touches.frames, touches.forces, touches.moments
-    start = time.process_time()
     fit = fit_wrench(*given)
     held_out = held_out_error(*given, np.random.default_rng(0))
-    seconds = time.process_time() - start
     skin = touches.points if touches.taxels is None else touches.taxels
     places = transform_points(fit.mount, skin)
     covariance = point_covariance(fit.mount, skin, fit.covariance)
@@ -162,7 +153,6 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
         predicted_sd_mm=Spread.of(MM * sd),
         weakest=weak_direction(places, covariance),
         mount=fit.mount.tolist(),
-        seconds=seconds,
     )
     return result, PlacedPatch(fit.mount, places, covariance, touches.taxels is not None)
 
@@ -185,24 +175,13 @@ def _page(name: str, placed: PlacedPatch, result: WrenchResult) -> str:
 
     from calibration.commands.pages import PLACED, judged_page, taxel_picture
 
-    sd, held_out = result.predicted_sd_mm, result.cross_validation_mm
-    rows = [
-        ("touches", str(result.touches)),
-        ("points miss their lines by (rms)", f"{result.rms_mm:.2f} mm"),
-        ("held-out error: touches that the fit never saw",
-         "too few touches" if held_out is None else f"{held_out:.2f} mm"),
-        ("predicted error, median", f"{sd.median:.2f} mm"),
-        ("predicted error, worst", f"{sd.max:.2f} mm"),
-        ("weakest direction", f"the patch {result.weakest}"),
-        ("touch next", "from another side, best where the error below is largest"),
-    ]  # fmt: skip
     errors = np.sqrt(np.einsum("nii->n", placed.covariance))
     pictures = [("On the link", taxel_picture(placed.places, errors), PLACED)]
-    return judged_page(f"Wrenches: {name}", result, rows, pictures)
+    return judged_page(f"Wrenches: {name}", result, _lines(result), pictures)
 
 
 def _lines(result: WrenchResult) -> Iterator[str]:
     sd = result.predicted_sd_mm
-    yield from judged(result)
     yield f"{result.touches} touches, {result.rms_mm:.2f} mm rms from their lines"
     yield f"predicted error: median {sd.median:.2f} mm, worst {sd.max:.2f} mm"
+    yield f"most easily the patch {result.weakest}"

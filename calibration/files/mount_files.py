@@ -127,16 +127,17 @@ def _real(values: NDArray[Any]) -> FloatArray:
 
 def _wrench_rows(path: Path) -> dict[str, FloatArray]:
     needed = ("x", "y", "z", "fx", "fy", "fz", "mx", "my", "mz")
-    names, values, _ = read_table(path, needed, FRAME, ("touch",))
-    lacks = [name for name in FRAME if name not in names]
+    column, lines = read_table(path, needed, FRAME, ("touch",))
+    lacks = [name for name in FRAME if name not in column]
     if 0 < len(lacks) < len(FRAME):
         raise DataFormatError(f"frames need all of t11 to t34, it lacks {', '.join(lacks)}", path)
-    frames = np.tile(np.eye(4), (len(values), 1, 1))
+    frames = np.tile(np.eye(4), (len(lines), 1, 1))
     if not lacks:
-        frames[:, :3] = values[:, [names.index(name) for name in FRAME]].reshape(-1, 3, 4)
-    column = {name: values[:, names.index(name)] for name in needed}
-    triples = [np.column_stack([column[name] for name in needed[k : k + 3]]) for k in (0, 3, 6)]
-    return {"points": triples[0], "frames": frames, "forces": triples[1], "moments": triples[2]}
+        frames[:, :3] = np.column_stack([column[name] for name in FRAME]).reshape(-1, 3, 4)
+    points, forces, moments = (
+        np.column_stack([column[name] for name in needed[k : k + 3]]) for k in (0, 3, 6)
+    )
+    return {"points": points, "frames": frames, "forces": forces, "moments": moments}
 
 
 def read_samples(path: Path, names: tuple[str, ...] = ("samples",)) -> dict[str, NDArray[Any]]:

@@ -2,9 +2,9 @@
 
 An `.npz` holds `joints (j,)` (names), `angles (m, j)` [rad, of sliding joints m] and, of each
 part, either `active_PART (m, c)` (true where a channel was active) or `ids_PART` with `ptr_PART
-(m + 1,)`: press i activated the channels `ids[ptr[i]:ptr[i + 1]]`. With `numbering` = "index" these
-are rows of the part's table instead of channels. Perhaps `surface (m,)`: which of several surfaces
-was pressed.
+(m + 1,)`: press i activated the channels `ids[ptr[i]:ptr[i + 1]]`. `active_PART` with as many
+columns as taxels has these in the order of their channels. Perhaps `surface (m,)`: which of several
+surfaces was pressed.
 
 A recording (`.mcap`) holds joint angles where its source has them; presses are found in it.
 """
@@ -28,7 +28,6 @@ from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 
 EXPECTED = "presses on a flat surface (.npz, or a recording .mcap)"
-NUMBERINGS = ("channel", "index")
 SLACK = np.deg2rad(5.0)  # beyond a joint's limits: what calibrated zeros and flexible stops explain
 THRESHOLD = 8.0  # counts above its rest from which a channel of a recording is active
 
@@ -109,9 +108,6 @@ def _from_arrays(path: Path, robot: Robot, parts: Sequence[str]) -> PlaneEvidenc
             )
     joints = _names(arrays["joints"], robot)
     angles = check_finite(arrays["angles"], "angles", (None, len(joints)))
-    numbering = str(arrays.get("numbering", "channel"))
-    if numbering not in NUMBERINGS:
-        raise UnknownNameError("numbering", numbering, NUMBERINGS)
     found = [name.split("_", 1)[1] for name in arrays if name.startswith(("active_", "ids_"))]
     if not found:
         raise DataFormatError(
@@ -126,8 +122,7 @@ def _from_arrays(path: Path, robot: Robot, parts: Sequence[str]) -> PlaneEvidenc
                 f"does not speak of {part!r}; the parts are: {', '.join(found)}", path
             )
     active = {
-        part: _active(arrays, part, len(angles), robot.skin(part), numbering)
-        for part in (parts or found)
+        part: _active(arrays, part, len(angles), robot.skin(part)) for part in (parts or found)
     }
     surface = check_whole(arrays.get("surface", np.zeros(len(angles), np.int64)), "surface")
     return PlaneEvidence(joints, PlaneContacts(angles, active, surface))
@@ -146,11 +141,9 @@ def _names(given: NDArray[Any], robot: Robot) -> tuple[str, ...]:
     return names
 
 
-def _active(
-    arrays: Mapping[str, NDArray[Any]], part: str, m: int, skin: Skin, numbering: str
-) -> BoolArray:
-    """(m, n) which taxels of a part were active, by channel or by row of its table."""
-    keys = np.arange(len(skin)) if numbering == "index" else skin.channels
+def _active(arrays: Mapping[str, NDArray[Any]], part: str, m: int, skin: Skin) -> BoolArray:
+    """(m, n) which taxels of a part were active."""
+    keys = skin.channels
     if f"active_{part}" in arrays:
         given = np.asarray(arrays[f"active_{part}"])
         if given.dtype.kind not in "biu" or given.ndim != 2 or len(given) != m:
@@ -160,13 +153,7 @@ def _active(
             )
         if given.dtype != np.bool_ and not np.isin(given, (0, 1)).all():
             raise InvalidArrayError(f"active_{part} must be true or false, got {given.max()}")
-        if given.shape[1] <= keys.max():
-            more = "" if given.shape[1] != len(skin) else ', or numbering="index" for table rows'
-            raise InvalidArrayError(
-                f"active_{part} has {given.shape[1]} columns, the {numbering}s of {part} reach "
-                f"{keys.max()}: as many columns as its live vector{more}"
-            )
-        return np.asarray(given[:, keys] != 0)
+        return _of_taxels(np.asarray(given != 0), skin, f"active_{part}")
     presses = active_by_event(arrays, part, m)
     ids, press = np.concatenate(presses), np.repeat(np.arange(m), [*map(len, presses)])
     order = np.argsort(keys)
@@ -175,8 +162,8 @@ def _active(
     if wrong.any():
         first = int(np.argmax(wrong))
         raise InvalidArrayError(
-            f"ids_{part}, press {press[first]}: {numbering} {ids[first]} is not a taxel of {part}, "
-            f"which has {len(keys)} {numbering}s between {keys.min()} and {keys.max()}"
+            f"ids_{part}, press {press[first]}: channel {ids[first]} is not a taxel of {part}, "
+            f"which has {len(keys)} channels between {keys.min()} and {keys.max()}"
         )
     active = np.zeros((m, len(keys)), np.bool_)
     active[press, order[place]] = True
@@ -229,7 +216,7 @@ def _from_recording(path: Path, robot: Robot, parts: Sequence[str]) -> PlaneEvid
     for part in wanted:
         own = values[:, track.columns(part)]
         rest = np.median(own, axis=0) if track.kind == "raw" else 0.0
-        active[part] = _of_taxels(own - rest > THRESHOLD, robot.skin(part), part, path)
+        active[part] = _of_taxels(own - rest > THRESHOLD, robot.skin(part), part)
     rows = _presses(track, np.sum([one.sum(axis=1) for one in active.values()], axis=0))
     if len(rows) == 0:
         raise DataFormatError(f"no channel reads {THRESHOLD:g} counts above its rest", path)
@@ -242,15 +229,14 @@ def _from_recording(path: Path, robot: Robot, parts: Sequence[str]) -> PlaneEvid
     return PlaneEvidence(joints, PlaneContacts(angles, felt))
 
 
-def _of_taxels(active: BoolArray, skin: Skin, part: str, path: Path) -> BoolArray:
-    """Columns of a recording as taxels: in dense order, or the live vector."""
+def _of_taxels(active: BoolArray, skin: Skin, what: str) -> BoolArray:
+    """Columns as taxels: in dense order, or the live vector."""
     if active.shape[1] == len(skin):
         return active
     if active.shape[1] <= skin.channels.max():
-        raise DataFormatError(
-            f"{part} has {active.shape[1]} columns, expected {len(skin)} taxels or a live vector "
-            f"that reaches channel {skin.channels.max()}",
-            path,
+        raise InvalidArrayError(
+            f"{what} has {active.shape[1]} columns, expected {len(skin)} taxels or a live vector "
+            f"that reaches channel {skin.channels.max()}"
         )
     return active[:, skin.channels]
 

@@ -37,9 +37,10 @@ class BoardTable:
         """The modules (n,), where the board is made of more than one; else it is one sheet."""
         return self.modules if len(np.unique(self.modules)) > 1 else None
 
-    def rows(self, channels: IntArray, path: Path, lines: Sequence[int]) -> IntArray:
+    def rows(self, given: FloatArray, path: Path, lines: Sequence[int]) -> IntArray:
         """Rows of the board with some channels; an error names the line of a missing one."""
         where = {int(channel): row for row, channel in enumerate(self.channels)}
+        channels = _whole(given, lines, path)
         for channel, line in zip(channels.tolist(), lines, strict=True):
             if channel not in where:
                 raise DataFormatError(
@@ -80,31 +81,10 @@ def read_board(path: Path, unit: float = 1.0) -> BoardTable:
     DataFormatError
         A missing or unknown column, a word that is not a number, a channel that comes twice.
     """
-    names, values, lines = read_table(path, ("x", "y"), ("module", *IGNORED))
-    channels = check_channels(names, values, lines, path)
-    modules = values[:, names.index("module")] if "module" in names else np.zeros(len(values))
-    place = [names.index("x"), names.index("y")]
-    return BoardTable(channels, modules.astype(np.int64), values[:, place] * unit)
-
-
-def read_anchors(
-    path: Path, board: BoardTable, unit: float = 1.0
-) -> tuple[IntArray, FloatArray, FloatArray | None]:
-    """Anchors `channel,x,y,z[,sigma]`: rows of the board (k,), points (k, 3), sigmas (k,) [m].
-
-    Raises
-    ------
-    DataFormatError
-        A missing or unknown column, a word that is not a number, a taxel that the board lacks
-        (names the line).
-    """
-    names, values, lines = read_table(path, ("x", "y", "z"), ("sigma",))
-    _check_whole(values[:, 0], lines, path)  # before the cast, which warns of what is too large
-    channels = values[:, 0].astype(np.int64)
-    rows = board.rows(channels, path, lines)
-    place = [names.index(name) for name in "xyz"]
-    sigma = values[:, names.index("sigma")] * unit if "sigma" in names else None
-    return rows, values[:, place] * unit, sigma
+    column, lines = read_table(path, ("x", "y"), ("module", *IGNORED))
+    modules = _whole(column.get("module", np.zeros(len(lines))), lines, path)
+    layout = np.column_stack([column["x"], column["y"]]) * unit
+    return BoardTable(check_channels(column["channel"], lines, path), modules, layout)
 
 
 def read_anchor_table(path: Path, board: BoardTable) -> list[Anchor]:
@@ -113,16 +93,16 @@ def read_anchor_table(path: Path, board: BoardTable) -> list[Anchor]:
     Raises
     ------
     DataFormatError
-        As `read_anchors`, and where there are more than `MAX_ANCHORS`.
+        A missing or unknown column, a word that is not a number, a taxel that the board lacks
+        (names the line), more than `MAX_ANCHORS`.
     """
-    taxels, points, sigma = read_anchors(path, board)
+    column, lines = read_table(path, ("x", "y", "z"), ("sigma",))
+    taxels = board.rows(column["channel"], path, lines).tolist()
     if len(taxels) > MAX_ANCHORS:
         raise DataFormatError(f"{len(taxels)} anchors, expected at most {MAX_ANCHORS}", path)
-    spread = [None] * len(points) if sigma is None else sigma.tolist()
-    return [
-        Anchor(taxel, (place[0], place[1], place[2]), own)
-        for taxel, place, own in zip(taxels.tolist(), points.tolist(), spread, strict=True)
-    ]
+    points = zip(*(column[name].tolist() for name in "xyz"), strict=True)
+    spread = column["sigma"].tolist() if "sigma" in column else [None] * len(taxels)
+    return [Anchor(*one) for one in zip(taxels, points, spread, strict=True)]
 
 
 def write_anchor_table(anchors: Sequence[Anchor], board: BoardTable, path: Path) -> None:
@@ -143,10 +123,11 @@ def read_placed(path: Path, unit: float = 1.0) -> tuple[IntArray, FloatArray, Fl
     DataFormatError
         A missing or unknown column, a word that is not a number, a channel that comes twice.
     """
-    names, values, lines = read_table(path, ("x", "y", "z"), ("module", "nx", "ny", "nz", "sigma"))
-    channels = check_channels(names, values, lines, path)
-    sigma = values[:, names.index("sigma")] if "sigma" in names else np.zeros(len(values))
-    return channels, values[:, [names.index(name) for name in "xyz"]] * unit, sigma * unit
+    column, lines = read_table(path, ("x", "y", "z"), ("module", "nx", "ny", "nz", "sigma"))
+    _whole(column.get("module", np.zeros(len(lines))), lines, path)
+    channels = check_channels(column["channel"], lines, path)
+    sigma = column.get("sigma", np.zeros(len(lines)))
+    return channels, np.column_stack([column[name] for name in "xyz"]) * unit, sigma * unit
 
 
 def read_touches(
@@ -164,13 +145,11 @@ def read_touches(
         line).
     """
     needed = ("x", "y", "z", "channel", "value")
-    names, values, lines = read_table(path, needed, ("sigma",), first=("touch",))
-    column = {name: values[:, place] for place, name in enumerate(names)}
-    for name in ("touch", "channel"):
-        _check_whole(column[name], lines, path)
-    rows = board.rows(column["channel"].astype(np.int64), path, lines)
+    column, lines = read_table(path, needed, ("sigma",), first=("touch",))
+    _whole(column["touch"], lines, path)
+    rows = board.rows(column["channel"], path, lines)
     points = np.column_stack([column[name] for name in "xyz"]) * unit
-    spread = column["sigma"] * unit if "sigma" in column else np.full(len(values), sigma)
+    spread = column["sigma"] * unit if "sigma" in column else np.full(len(lines), sigma)
     touches = []
     order = np.argsort(column["touch"], kind="stable")
     numbers, begins = np.unique(column["touch"][order], return_index=True)
@@ -187,8 +166,8 @@ def read_touches(
 
 def read_table(
     path: Path, needed: Sequence[str], known: Sequence[str], first: Sequence[str] = CHANNEL
-) -> tuple[list[str], FloatArray, list[int]]:
-    """Names of the columns, values (n, columns) and the line of each row.
+) -> tuple[dict[str, FloatArray], list[int]]:
+    """Columns (n,) by their names, the first by its first name, and the line of each row.
 
     Raises
     ------
@@ -200,7 +179,8 @@ def read_table(
     for line, row in rows:
         values.extend(parse_floats(row, path, line))
         lines.append(line)
-    return names, np.array(values).reshape(len(lines), len(names)), lines
+    table = np.array(values).reshape(len(lines), len(names))
+    return dict(zip((first[0], *names[1:]), table.T, strict=True)), lines
 
 
 def read_cells(
@@ -260,14 +240,9 @@ def read_cells(
     return names, rows()
 
 
-def check_channels(
-    names: Sequence[str], values: FloatArray, lines: Sequence[int], path: Path
-) -> IntArray:
-    """Channels (n,) of the first column, each once; an error names the line of a repeated one."""
-    for name in ("module", names[0]):
-        if name in names:
-            _check_whole(values[:, names.index(name)], lines, path)
-    channels = values[:, 0].astype(np.int64)
+def check_channels(given: FloatArray, lines: Sequence[int], path: Path) -> IntArray:
+    """Channels (n,), each once; an error names the line of a repeated one."""
+    channels = _whole(given, lines, path)
     _, first, count = np.unique(channels, return_index=True, return_counts=True)
     if (count > 1).any():
         channel = channels[first[count > 1][0]]
@@ -276,13 +251,15 @@ def check_channels(
     return channels
 
 
-def _check_whole(values: FloatArray, lines: Sequence[int], path: Path) -> None:
+def _whole(values: FloatArray, lines: Sequence[int], path: Path) -> IntArray:
+    """Channels or modules (n,) as whole numbers."""
     wrong = (values != np.floor(values)) | (values < 0) | (values > MAX_CHANNEL)
     if wrong.any():
         row = int(np.flatnonzero(wrong)[0])
         raise DataFormatError(
             f"channels and modules are whole numbers from 0, got {values[row]:g}", path, lines[row]
         )
+    return values.astype(np.int64)
 
 
 def write_taxels(

@@ -157,15 +157,12 @@ class Information:
         covariance of Schmidt, 1966).
     evidence : (d, d) float
         Inverse covariance of everything by the touches alone, without priors.
-    rows : dict of str to (m, 3, d) float
-        How everything moves the misses of each recording.
     """
 
     columns: Columns
     noise: FloatArray
     considered: FloatArray
     evidence: FloatArray
-    rows: dict[str, FloatArray]
 
     def mount(self, name: str) -> tuple[FloatArray, FloatArray]:
         """(6, 6) of one mount, from noise and from joints."""
@@ -260,11 +257,7 @@ class ChainFit:
             noise += inverse @ _shared(system, cell)[:count, :count] @ inverse
         dragged = JOINT_ERROR * inverse @ system.normal[:count, count:]
         evidence = system.by_touches / variance
-        ends = np.cumsum([len(one) for one in self.contacts])[:-1]
-        rows = np.split(system.jacobian, ends)
-        names = [one.recording.name for one in self.contacts]
-        own = dict(zip(names, rows, strict=True))
-        return Information(columns, noise, dragged @ dragged.T, evidence, own)
+        return Information(columns, noise, dragged @ dragged.T, evidence)
 
 
 def _cells(

@@ -28,7 +28,6 @@ import numpy as np
 
 from calibration.mount.chain_fit import (
     JOINT_SIGMA,
-    STANDOFF_SIGMA,
     ChainFit,
     ChainState,
     Information,
@@ -64,8 +63,6 @@ class SelfTouchFit(Summary):
         Tip of each probe in its link [m].
     joint_offsets : dict of int to float
         To be added to each column of the angles [rad]; empty where none were asked for.
-    standoffs : dict of str to float
-        How far the two sides of each recording stand apart along their normals [m].
     rms_before, rms_after, held_out : float
         Distance of the places that met, root mean square over events [m]: with the mounts
         as they came, after the fit, and of events that a fit to the others never saw.
@@ -91,7 +88,6 @@ class SelfTouchFit(Summary):
     mounts: dict[str, FloatArray]
     tips: dict[str, FloatArray]
     joint_offsets: dict[int, float]
-    standoffs: dict[str, float]
     rms_before: float
     rms_after: float
     held_out: float
@@ -200,7 +196,6 @@ def self_touch(
         {name: state.mounts[name] for name in told.mounts},
         {name: state.mounts[name][:3, 3] for name in told.tips},
         {joint: float(state.offsets[joint]) for joint in told.joints},
-        dict(state.standoffs),
         _root_mean_square(before),
         _root_mean_square(after),
         problem.held_out(used, rng),
@@ -432,7 +427,6 @@ MAX_TRIES = 60  # sets of recordings that are left out in turn, each a fit
 SHUFFLED = 0.6  # of what it is missed by with poses in another order: more, and they say nothing
 UNTOLD = np.deg2rad(1.0)  # half the prior: a zero known no better comes from the prior
 SAME = 0.9  # share of a joint's effect that another unknown has too
-TOGETHER = 2.0  # times what two patches are to each other that both are to the rest of the robot
 BARELY = 1e-9  # of the diagonal: keeps what no touch tells finite, and large
 MOVED = np.deg2rad(10.0)  # range of a joint (5 to 95 %) below which more is asked of it
 
@@ -575,17 +569,10 @@ class Unobserved:
         same effect; "" where several together do.
     still : dict of int to float
         Columns of joints that hardly moved, and their range [rad].
-    together : dict of (str, str) to float
-        Patches that may move together, and by how much (standard deviation) [m].
-    standoffs : dict of str to str
-        Recordings for which it is not told how far skins stand apart as they touch, and the chain
-        that may be lifted instead.
     """
 
     joints: dict[int, str]
     still: dict[int, float]
-    together: dict[tuple[str, str], float]
-    standoffs: dict[str, str]
 
 
 def unobserved(
@@ -604,14 +591,7 @@ def unobserved(
         for joint, column in columns.joints.items()
         if sd[column] > UNTOLD
     }
-    standoffs = {
-        name: _same_effect(evidence, known, unknowns, column)
-        for name, column in columns.standoffs.items()
-        if sd[column] > STANDOFF_SIGMA
-    }
-    return Unobserved(
-        joints, _still(contacts, columns.joints), _together(contacts, known, unknowns), standoffs
-    )
+    return Unobserved(joints, _still(contacts, columns.joints))
 
 
 def _same_effect(evidence: FloatArray, known: Information, unknowns: Unknowns, column: int) -> str:
@@ -633,30 +613,3 @@ def _still(contacts: Sequence[Contacts], joints: Mapping[int, int]) -> dict[int,
     angles = np.concatenate([one.recording.angles for one in contacts])
     low, high = np.percentile(angles, [5, 95], axis=0)
     return {k: float(high[k] - low[k]) for k in joints if high[k] - low[k] < MOVED}
-
-
-def _together(
-    contacts: Sequence[Contacts], known: Information, unknowns: Unknowns
-) -> dict[tuple[str, str], float]:
-    """Pairs of patches known better to each other than to the rest of the robot."""
-    count = len(known.noise)
-    covariance = known.noise + known.considered
-    found = {}
-    for pair in combinations(unknowns.mounts, 2):
-        met = [one for one in contacts if set(one.recording.chains) == set(pair)]
-        if not met:
-            continue
-        rows = np.concatenate([known.rows[one.recording.name][:, :, :count] for one in met])
-        own = [np.zeros(count), np.zeros(count)]
-        for mask, name in zip(own, pair, strict=True):
-            mask[known.columns.chains[name] : known.columns.chains[name] + 6] = 1.0
-        alone = min(_spread(rows * mask, covariance) for mask in own)
-        between = _spread(rows * (own[0] + own[1]), covariance)
-        if alone > TOGETHER * between:
-            found[pair] = alone
-    return found
-
-
-def _spread(rows: FloatArray, covariance: FloatArray) -> float:
-    """Root mean square move of the places that met, from a covariance of the unknowns [m]."""
-    return float(np.sqrt(np.einsum("mac,cd,mad->m", rows, covariance, rows).mean()))

@@ -16,7 +16,6 @@ from calibration.plane.contacts import Plane, PlaneContacts
 from calibration.plane.model import Patch, PlaneProblem, PlaneState, patch_of
 from calibration.plane.poses import Proposal, most_telling, place_slopes
 from calibration.plane.solve import (
-    MANY_ODD,
     Solution,
     assumed,
     contradicting,
@@ -27,7 +26,7 @@ from calibration.plane.solve import (
     second_place,
     solve,
 )
-from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.rigid import transform_points
 from skinmap.summary import Summary, listed
@@ -59,8 +58,8 @@ class PlaneFit(Summary):
         To be added to each column of the angles, and how well that is known [rad, m].
     depth_spread, shift_spread : float
         Spread of the press depths, and of the modules' shifts along each axis [m].
-    inconsistent, dropped : tuple of int
-        Contacts that contradict the others, and those of them that were left out.
+    inconsistent : tuple of int
+        Contacts that contradict the others.
     dead, stuck : dict of str to tuple of int
         Taxels (rows) that were left out: never active where they were pressed, active in the air.
     touched : dict of str to (n,) int
@@ -86,7 +85,6 @@ class PlaneFit(Summary):
     depth_spread: float
     shift_spread: float
     inconsistent: tuple[int, ...]
-    dropped: tuple[int, ...]
     dead: dict[str, tuple[int, ...]]
     stuck: dict[str, tuple[int, ...]]
     touched: dict[str, IntArray]
@@ -114,7 +112,7 @@ class PlaneFit(Summary):
             "status": self.status.value,
             "mounts": listed(self.mounts),
             "contacts": len(self._problem.contacts),
-            "dropped": len(self.dropped),
+            "inconsistent": len(self.inconsistent),
             "reasons": listed(self.reasons),
         }
 
@@ -127,7 +125,6 @@ def fit_plane(
     planes: Sequence[Plane] | None = None,
     joint_sigma: float = JOINT_SIGMA,
     joint_names: Sequence[str] | None = None,
-    drop_inconsistent: bool = False,
     previous: PlaneFit | None = None,
 ) -> PlaneFit:
     """Fit mounts, planes and zero positions of joints to presses on flat surfaces.
@@ -147,8 +144,6 @@ def fit_plane(
         Standard deviation of a joint's zero position [rad, m].
     joint_names : sequence of str, optional
         Of the columns of the angles, for messages.
-    drop_inconsistent : bool
-        Leave out contacts that contradict the others.
     previous : PlaneFit, optional
         Of the first of these contacts: the search starts there and nowhere else, which is quicker.
 
@@ -194,17 +189,11 @@ def fit_plane(
     best, rival = found[0], second_place(problem, found)
     problem, best, dead, stuck = _without_faulty(problem, best, starts[0])
     odd = contradicting(problem, best)
-    kept, dropped = np.ones(len(contacts), np.bool_), tuple[int, ...]()
-    if odd and drop_inconsistent and len(odd) <= MANY_ODD * len(contacts):
-        kept[list(odd)], dropped = False, odd
-        problem = replace(problem, contacts=contacts.subset(kept))
-        state, start = (_fewer(one, kept) for one in (best.state, starts[0]))
-        best = refine(problem, state, start)
     if rival is None:
-        rival = second_place(problem, [best, *rivals(problem, best, _fewer(starts[0], kept))])
+        rival = second_place(problem, [best, *rivals(problem, best, starts[0])])
     names = [str(k) for k in range(contacts.angles.shape[1])]
     return _result(
-        problem, best, kept, odd, dropped, (dead, stuck), rival,
+        problem, best, odd, (dead, stuck), rival,
         list(joint_names) if joint_names is not None else names,
     )  # fmt: skip
 
@@ -283,10 +272,6 @@ def _longer(state: PlaneState, m: int) -> PlaneState:
     return replace(state.copy(), depths=np.concatenate([state.depths, np.zeros(m)])[:m])
 
 
-def _fewer(state: PlaneState, kept: BoolArray) -> PlaneState:
-    return replace(state.copy(), depths=state.depths[kept])
-
-
 Faulty = dict[str, tuple[int, ...]]
 
 
@@ -334,9 +319,7 @@ def _widening(problem: PlaneProblem, best: Solution, slopes: FloatArray) -> floa
 def _result(
     problem: PlaneProblem,
     best: Solution,
-    kept: BoolArray,
     odd: tuple[int, ...],
-    dropped: tuple[int, ...],
     faulty: tuple[Faulty, Faulty],
     rival: float | None,
     joint_names: list[str],
@@ -356,7 +339,7 @@ def _result(
         covariances[name] = C[column : column + 6, column : column + 6]
         weakest[name] = weakest_motion(places[name], own[name])
     sds = {k: float(np.sqrt(C[column, column])) for k, column in layout.joint.items()}
-    judged = judge(own, widening, best, odd, dropped, rival, len(kept), weakest)
+    judged = judge(own, widening, best, odd, rival, len(problem.contacts), weakest)
     return PlaneFit(
         mounts={name: state.mounts[name] for name in problem.patches},
         covariances=covariances,
@@ -368,7 +351,6 @@ def _result(
         depth_spread=best.spreads.depth,
         shift_spread=best.spreads.shift,
         inconsistent=odd,
-        dropped=dropped,
         dead=faulty[0],
         stuck=faulty[1],
         touched={name: felt.sum(axis=0) for name, felt in problem.contacts.active.items()},

@@ -161,15 +161,13 @@ def most_telling(
     solution: Solution,
     candidates: PlaneContacts,
     *,
-    depth: float = 0.0,
     count: int = 1,
     widening: float = 1.0,
 ) -> Proposal:
     """Which of candidate presses lower the trace of the taxels' covariance most.
 
     Greedy: after each choice the covariance is what it would then be. Of the candidates only the
-    angles and the surface count; `depth` is the press depth that is expected [m], `widening` what
-    the covariance is multiplied by.
+    angles and the surface count; `widening` is what the covariance is multiplied by.
     """
     layout, state = solution.layout, solution.state
     kept = _persistent(layout)
@@ -180,7 +178,7 @@ def most_telling(
         for name, one in problem.patches.items()
     }
     told = [
-        _information(problem, state, layout, row, surface, depth, solution.spreads.depth, heights)
+        _information(problem, state, layout, row, surface, solution.spreads.depth, heights)
         for row, surface in zip(candidates.angles, candidates.surface.tolist(), strict=True)
     ]
     places = place_slopes(problem, state, layout)[:, :, kept]
@@ -225,7 +223,6 @@ def _information(
     layout: Layout,
     angles: FloatArray,
     surface: int,
-    depth: float,
     spread: float,
     heights: dict[str, FloatArray],
 ) -> tuple[FloatArray, FloatArray]:
@@ -241,7 +238,7 @@ def _information(
         )
         single = PlaneProblem(contacts, {name: patch}, problem.joint_sigma, problem.tilting)
         own = state.copy()
-        own.depths = np.array([depth])
+        own.depths = np.zeros(1)
         z, J, k, u = single.rows(name, own, layout)
         information = weigh(z, np.zeros(z.shape, np.bool_))[0][0] * patch.usable
         rows = np.flatnonzero(information > TOLD)

@@ -321,21 +321,17 @@ def judge(
     widening: float,
     best: Solution,
     odd: tuple[int, ...],
-    dropped: tuple[int, ...],
     rival: float | None,
     contacts: int,
     weakest: Mapping[str, str],
 ) -> list[tuple[Status, str]]:
     """Every doubt with its status, the first of which counts."""
     judged: list[tuple[Status, str]] = []
-    left = [row for row in odd if row not in dropped]
-    if left:
+    if odd:
         advice = "leave them out of the file or press again"
-        if len(left) > MANY_ODD * contacts:
+        if len(odd) > MANY_ODD * contacts:
             advice = "too many to identify the right ones: poses and taxels may not belong together"
-        words = (
-            f"{len(left)} of {contacts} contacts contradict the others: contacts {some(left, 8)}"
-        )
+        words = f"{len(odd)} of {contacts} contacts contradict the others: contacts {some(odd, 8)}"
         judged.append((Status.AMBIGUOUS, f"{words} (counted from 0); {advice}"))
     if best.spreads.depth > ROUGH:
         words = (

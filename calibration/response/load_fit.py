@@ -7,8 +7,9 @@ the shape that all share, scaled to it, takes that.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import nnls
@@ -74,8 +75,7 @@ class Pressed:
     thermal: IntArray | None = None
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Sums:
+class Sums(NamedTuple):
     """Sums of squares (FOLDS, n, FEATURES, FEATURES), products with the reference and its own."""
 
     square: FloatArray
@@ -83,13 +83,9 @@ class Sums:
     power: FloatArray
     rows: FloatArray
 
-    def __add__(self, other: Sums) -> Sums:
-        return Sums(
-            self.square + other.square,
-            self.toward + other.toward,
-            self.power + other.power,
-            self.rows + other.rows,
-        )
+    def whole(self) -> Sums:
+        """Those of all folds."""
+        return Sums(*(values.sum(axis=0) for values in self))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -211,9 +207,7 @@ def fit_load(
     ]
     if len(sums) > 1:
         _agree(evidence, sums, told)
-    total = sums[0]
-    for more in sums[1:]:
-        total = total + more
+    total = Sums(*(np.sum(same, axis=0) for same in zip(*sums, strict=True)))
     fit = _solved(
         total, told, dead, lines, rest, span, recovery,
         top=np.nanmax([np.nanmax(one) for one in wanted]), rested=rested, rate=first.rate,
@@ -264,7 +258,7 @@ def _mean_seconds(
         few = Pressed(one.name, one.samples[rows][:, own], one.rate, one.reference)
         for seconds in MEANS:
             sums = _sums(few, reference[rows], (rest + shift)[own], span[own], seconds)
-            whole = Sums(*(values.sum(axis=0) for values in _each(sums)))
+            whole = sums.whole()
             left[seconds] += sum(_left_out("hysteresis", sums, whole, k) for k in range(len(own)))
     return best_mean(left)
 
@@ -471,7 +465,7 @@ def _solved(
             "no taxel follows the reference: "
             f"{int(dead.sum())} of {n} never move, the others do not go with it"
         )
-    whole = Sums(*(values.sum(axis=0) for values in _each(sums)))
+    whole = sums.whole()
     errors = {name: np.full(n, np.nan) for name in LADDER}
     memoryless = np.full(n, np.nan)
     for k in own:
@@ -510,10 +504,6 @@ def _left_out(model: str, sums: Sums, whole: Sums, k: int) -> float:
         weights = _weights(model, whole.square[k] - square, whole.toward[k] - toward, rows)
         left += _error(weights, square, toward, float(sums.power[fold, k]))
     return left
-
-
-def _each(sums: Sums) -> Iterable[FloatArray]:
-    return sums.square, sums.toward, sums.power, sums.rows
 
 
 def _share(weights: FloatArray, error: FloatArray, whole: Sums, own: IntArray) -> int:

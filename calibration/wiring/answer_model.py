@@ -64,12 +64,12 @@ def steps_at(square: FloatArray, shapes: Sequence[tuple[float, float]]) -> IntAr
     return step_of(np.log(force) - 0.5 * (square / width**2))
 
 
-def offsets(scale: float = 1.0) -> tuple[FloatArray, FloatArray]:
+def offsets() -> tuple[FloatArray, FloatArray]:
     """(o, 2) errors of a place on a grid and their log chances."""
-    steps = scale * 5e-3 * np.arange(-3, 4)
+    steps = 5e-3 * np.arange(-3, 4)
     grid = np.stack(np.meshgrid(steps, steps), -1).reshape(-1, 2)
-    grid = grid[np.linalg.norm(grid, axis=1) < scale * 14.5e-3]
-    weight = -0.5 * (grid**2).sum(axis=1) / (scale * PLACE) ** 2
+    grid = grid[np.linalg.norm(grid, axis=1) < 14.5e-3]
+    weight = -0.5 * (grid**2).sum(axis=1) / PLACE**2
     return grid, weight - np.log(np.exp(weight).sum())
 
 

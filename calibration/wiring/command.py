@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator
 from contextlib import ExitStack, closing
 from dataclasses import replace
@@ -84,7 +83,7 @@ def checkup(
     from calibration.wiring.examination import Plan, examine_live, examine_recording
     from calibration.wiring.history import earlier_checkups, keep_checkup
 
-    started, when = time.process_time(), datetime.now(UTC)
+    when = datetime.now(UTC)
     loaded, names = open_robot(robot, parts)
     simulated, recorded = source == "sim", source != "sim" and _is_file(source)
     if simulated and not parts:
@@ -120,7 +119,6 @@ def checkup(
     if output is not None:
         written = _written(output, result, examined, loaded, when)
         result = replace(result, files=[*written, *result.files])
-    result = replace(result, seconds=time.process_time() - started)
     bad = result.status == "inconsistent"
     present(result, lines, as_json=as_json, verdict=Verdict(result.status if bad else OK))
 

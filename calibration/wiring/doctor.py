@@ -25,7 +25,6 @@ CLEAR = 0.95  # a skin without one that is so probable is healthy
 MAX_OF_A_POKE, USUAL = 18, 6.8e-3
 BACKING = 2.0  # evidence beside the touch that speaks loudest for a fault, to name it [nats]
 INSIDE = {"turned_module", "mirrored_module"}  # a poke that misses its module looks like neither
-UNPLACED = 0.5  # weight of a touch of unknown place, beside one where it was asked for
 QUIET = 14.0  # a module whose channels do not even have noise is mute [nats]
 LIVELY = np.log(0.005)  # a module with noise of its own is hardly mute: its foam may have come off
 MAX_FAULTS = 8  # found one after the other, at most
@@ -76,8 +75,6 @@ class Doctor:
         self.wiring = Wiring.as_mapped(self.boards)
         self._alive: BoolArray = np.zeros(len(self.boards), bool)
         self._rested = False
-        kinds = {"swapped_modules", "swapped_chains", "reversed_chain"}
-        self._exchanges = np.array([fault.kind in kinds for fault in self.hypotheses.faults])
         self._quiet: BoolArray = np.zeros(len(self.boards), bool)
         self._begin()
 
@@ -148,9 +145,7 @@ class Doctor:
     def conclude(self) -> list[Found]:
         """Name what is certainly wrong, though not for certain which fault it is; the last word."""
         new: list[Found] = []
-        if all(touch.path is None for touch in self.touches):
-            return new  # without places nothing is named that is not sure
-        while len(self.found) < MAX_FAULTS and self.healthy < ILL:
+        while self.touches and len(self.found) < MAX_FAULTS and self.healthy < ILL:
             one = self._likeliest(LIKELY, self._shown, 4, 0.01)
             if one is None:
                 break
@@ -172,9 +167,7 @@ class Doctor:
         if how not in choosers:
             choosers[how] = Chooser(self.boards, self.hypotheses, self.wiring, self.places[how])
         asked = [touch.middle for touch in self.touches if touch.how == how]
-        row, gain = choosers[how].best(
-            self.posterior, [middle for middle in asked if middle is not None]
-        )
+        row, gain = choosers[how].best(self.posterior, asked)
         return self.places[how].paths[row], gain
 
     @property
@@ -185,8 +178,7 @@ class Doctor:
     @property
     def status(self) -> str:
         """One of "healthy", "faulty", "undecided" and "inconsistent"."""
-        asked = sum(touch.path is not None for touch in self.touches)
-        if asked >= FEW and self.misfits > MISFIT * asked:
+        if len(self.touches) >= FEW and self.misfits > MISFIT * len(self.touches):
             return "inconsistent"
         if self.found:
             return "faulty"
@@ -228,21 +220,15 @@ class Doctor:
             self._take(touch)
 
     def _take(self, touch: Touch) -> None:
-        weight = 1.0
-        if touch.middle is not None:
-            before = sum(float(np.linalg.norm(touch.middle - old)) < AGAIN for old in self._heard)
-            weight = 1.0 / (1.0 + before)  # the same taxels answer again: no new evidence
-            self._heard.append(touch.middle)
+        before = sum(float(np.linalg.norm(touch.middle - old)) < AGAIN for old in self._heard)
+        weight = 1.0 / (1.0 + before)  # the same taxels answer again: no new evidence
+        self._heard.append(touch.middle)
         found, fits = self._witness.hear(touch)
         most = MAX_OF_A_POKE * max(1.0, USUAL / self.boards.pitch) ** 2
         if touch.how == "poke" and int((touch.response > THRESHOLD).sum()) > most:
             found, fits = np.zeros_like(found), False  # whatever that was, it was no poke
             self.broad += 1
         self._fits.append(fits)
-        if touch.path is None:
-            # Without its place a touch shows where channels hang together, and nothing else.
-            found = np.where(self._exchanges, found, found[0])
-            weight = UNPLACED
         self._said.append(weight * (found - found[0]))
         self._log = self._log + weight * found
 

@@ -111,8 +111,6 @@ class Witness:
     def hear(self, touch: Touch) -> tuple[FloatArray, bool]:
         """(h,) log chance of a touch's answers, and whether they came from where it was asked."""
         terms = self._terms(touch)
-        if terms is None:
-            return np.zeros(len(self.hypotheses)), True
         found = self._judge(terms)
         first = 1 + len(self.hypotheses.swaps)
         mute = slice(first, first + len(self.boards))  # silence has more causes than one
@@ -126,18 +124,13 @@ class Witness:
         base = terms.weights + terms.reads[:, own, np.arange(len(own))].sum(axis=1)
         base = base - terms.silent[own].sum()
         there = base[terms.asked]
-        if len(there) == 0:
-            return True
         return bool(np.logaddexp.reduce(there) >= np.logaddexp.reduce(base) + np.log(0.5))
 
     # What was unknown of the touch.
 
-    def _terms(self, touch: Touch) -> Terms | None:
+    def _terms(self, touch: Touch) -> Terms:
         level = self._levels(touch)
-        cases = self._cases(touch, level)
-        if cases is None:
-            return None
-        points, weights, here = cases  # (o, p, 3) paths, (o,) log chances, (o,) as asked
+        points, weights, here = self._cases(touch, level)
         near = self._near(points)
         square, along = _to_paths(points.astype(np.float32), self.spots[near].astype(np.float32))
         step = steps_at(square, STROKE_SHAPES if touch.how == "stroke" else SHAPES)
@@ -157,20 +150,8 @@ class Witness:
         rows = np.arange(len(near))[:, None, None]
         return np.asarray(values[:, rows, self.taken[near]])
 
-    def _cases(
-        self, touch: Touch, level: IntArray
-    ) -> tuple[FloatArray, FloatArray, BoolArray] | None:
+    def _cases(self, touch: Touch, level: IntArray) -> tuple[FloatArray, FloatArray, BoolArray]:
         """Where it may really have been: (o, p, 3) paths, log chances, whether as asked."""
-        if touch.path is None:
-            free = self._anywhere(level, 1.0)
-            if free is None:
-                return None
-            shift, _ = offsets(0.5)  # between taxels, too
-            places, chance = free
-            axes = np.stack([tangents(self.boards, place) for place in places[:, 0]])
-            points = (places + np.einsum("sa,oai->osi", shift, axes)).reshape(-1, 1, 3)
-            weight = np.repeat(chance, len(shift)) - np.log(len(shift))
-            return points, weight, np.zeros(len(points), bool)
         if touch.how == "stroke":
             points, weight = self._strokes(touch.path)
             return points, weight, np.ones(len(points), bool)
@@ -178,14 +159,14 @@ class Witness:
         shift, weight = offsets()
         axes = tangents(self.boards, place)
         points = place + shift @ axes
-        elsewhere = self._anywhere(level, MISS)
+        elsewhere = self._anywhere(level)
         if elsewhere is None:
             return points[:, None], weight, np.ones(len(points), bool)
         there, chance = elsewhere
         here = np.arange(len(points) + len(there)) < len(points)
         return (np.concatenate([points[:, None], there]), np.concatenate([weight, chance]), here)
 
-    def _anywhere(self, level: IntArray, chance: float) -> tuple[FloatArray, FloatArray] | None:
+    def _anywhere(self, level: IntArray) -> tuple[FloatArray, FloatArray] | None:
         """Where the answers themselves say that the touch was."""
         strong = np.argsort(-level, axis=None, kind="stable")[:PEAKS]
         module, slot = np.unravel_index(strong, level.shape)
@@ -196,7 +177,7 @@ class Witness:
         places = places[np.isfinite(places[:, 0])]
         if len(places) == 0:
             return None
-        weight = np.full(len(places), np.log(chance / self.sites))
+        weight = np.full(len(places), np.log(MISS / self.sites))
         return places[:, None], weight
 
     def _strokes(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:

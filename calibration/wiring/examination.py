@@ -43,16 +43,6 @@ COST = {"poke": 2.0, "stroke": 2.5}  # of a touch and the way to it [s]
 PATIENCE = 15.0  # that a touch is waited for [s]
 BESIDE, OFTEN = 8e-3, 2  # taxels so near a stroke are felt [m]; strokes that measure a gain
 MAX_REST = 3000  # samples of a recording's rest that are judged
-LARGE = {
-    "stroke",
-    "whole_hand",
-    "forearm",
-    "three_finger",
-    "full_finger",
-    "edge",
-    "cylinder",
-    "hand",
-}
 Answers = Mapping[str, FloatArray]  # (t, n) by part [counts]
 
 
@@ -105,7 +95,6 @@ class Case:
     part: str
     doctor: Doctor
     rest: RestFindings | None = None
-    places_known: bool = True
     beside: BoolArray | None = None  # (strokes, n) taxels that each stroke passes
 
     @property
@@ -177,7 +166,7 @@ def _uncovered(case: Case) -> tuple[FloatArray, float]:
         case.beside = beside
     felt = np.sum([one.response > THRESHOLD for one in case.doctor.touches], axis=0)
     share = (case.beside & (felt < OFTEN)).mean(axis=1)
-    asked = [one.middle for one in case.doctor.touches if one.middle is not None]
+    asked = [one.middle for one in case.doctor.touches]
     for row, path in enumerate(paths):
         if asked and np.linalg.norm(path[len(path) // 2] - asked, axis=1).min() < AGAIN:
             share[row] *= 0.5
@@ -206,7 +195,7 @@ def ask(
         _hear(cases[asked.part], heard[asked.part], asked.how, asked.path, plan)
 
 
-def _hear(case: Case, above: FloatArray, how: str, path: FloatArray | None, plan: Plan) -> None:
+def _hear(case: Case, above: FloatArray, how: str, path: FloatArray, plan: Plan) -> None:
     touch = make_touch(without_spikes(above), how, path, above)
     new = case.doctor.hear(touch)
     felt = touch.response > THRESHOLD
@@ -285,10 +274,9 @@ def examine_recording(
             values[rows] = block[:, info.part_slice(part)]
         if values.shape[1] != len(case.boards.table):
             values = values[:, case.boards.table.channels]
-        case.places_known = places is not None
-        notes += _examine_part(case, values, track, path, places, plan)
+        _examine_part(case, values, track, path, places, plan)
     if not any(case.doctor.touches for case in cases.values()):
-        notes.append("the recording holds no touch: only the rest was judged")
+        notes.append("no touch, or no --places of them: only the rest was judged")
     span = float(track.times[-1] - track.times[0]) if len(track.times) else 0.0
     return concluded(path.name, robot, plan, cases, span, notes)
 
@@ -300,56 +288,35 @@ def _examine_part(
     path: Path,
     places: Path | None,
     plan: Plan,
-) -> list[str]:
-    """Rest and touches of one part; what could not be told."""
+) -> None:
+    """Rest and touches of one part; touches only where their places are known."""
     marked = [t for t in track.touches if t.part == case.part and t.last >= t.first]
     spans = np.array([[touch.first, touch.last] for touch in marked]).reshape(-1, 2)
     quiet = untouched(len(values), spans)
     base = Baseline.along(without_holes(values), quiet, track.kind, track.info.rate)
-    answers = base.answers(values)
     if not marked:
-        spans = find_touches(answers)
+        spans = find_touches(base.answers(values))
         quiet = untouched(len(values), spans)
     case.take_rest(values[quiet][:MAX_REST])
     above = case.without_noisy(base).above(values)
-    labels = [touch.label for touch in marked] or [""] * len(spans)
-    asked: list[FloatArray | None] = [None] * len(spans)
-    if places is not None:
-        rows = read_places(places, case.part)
-        check_places(rows, case.boards.table.positions, case.part, places)
-        if all(row.span is not None for row in rows):
-            spans = np.array([np.searchsorted(track.times, row.span or (0.0, 0.0)) for row in rows])
-            spans[:, 1] = np.maximum(spans[:, 1] - 1, spans[:, 0])
-            if spans.max(initial=0) >= len(values):
-                raise DataFormatError(f"times of touches lie beyond {path.name}", places)
-            labels = [""] * len(rows)
-        elif len(rows) != len(spans):
-            raise DataFormatError(
-                f"places for {len(rows)} touches, {path.name} holds {len(spans)} on "
-                f"{case.part!r}; give start_s,end_s where some were not felt", places,
-            )  # fmt: skip
-        asked = [row.path for row in rows]
-    used = 0
-    for (begin, end), label, place in zip(spans.tolist(), labels, asked, strict=True):
-        stroked = place is not None and len(place) > 1
-        if label in LARGE and not stroked:
-            continue  # a hand is too large; and without its place a stroke, too
-        used += 1
-        _hear(case, above[begin : end + 1], "stroke" if stroked else "poke", place, plan)
-    return _untold(case, len(spans) - used)
-
-
-def _untold(case: Case, left_out: int) -> list[str]:
-    """What the touches of a recording cannot tell."""
-    notes = []
-    if left_out:
-        notes.append(f"{case.part}: {left_out} touches left out: too large to judge")
-    if case.doctor.touches and not case.places_known:
-        notes.append(
-            f"{case.part}: no places are known: a fault shows only where a touch lies across "
-            "modules; mute modules, and swaps that no touch straddled, cannot be found"
+    if places is None:
+        return
+    rows = read_places(places, case.part)
+    check_places(rows, case.boards.table.positions, case.part, places)
+    if all(row.span is not None for row in rows):
+        spans = np.array([np.searchsorted(track.times, row.span or (0.0, 0.0)) for row in rows])
+        spans[:, 1] = np.maximum(spans[:, 1] - 1, spans[:, 0])
+        if spans.max(initial=0) >= len(values):
+            raise DataFormatError(f"times of touches lie beyond {path.name}", places)
+    elif len(rows) != len(spans):
+        raise DataFormatError(
+            f"places for {len(rows)} touches, {path.name} holds {len(spans)} on {case.part!r}; "
+            "give start_s,end_s where some were not felt",
+            places,
         )
-    return notes
+    for (begin, end), row in zip(spans.tolist(), rows, strict=True):
+        how = "stroke" if len(row.path) > 1 else "poke"
+        _hear(case, above[begin : end + 1], how, row.path, plan)
 
 
 def place_words(boards: Boards, asked: Asked) -> str:

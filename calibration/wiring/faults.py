@@ -137,7 +137,7 @@ class Hypotheses:
         return len(self.faults)
 
 
-def all_faults(boards: Boards, *, healthy: float = HEALTHY) -> Hypotheses:
+def all_faults(boards: Boards) -> Hypotheses:
     """Every single fault, with its probability before anything was seen."""
     m = len(boards)
     one, other = np.triu_indices(m, 1)
@@ -163,11 +163,11 @@ def all_faults(boards: Boards, *, healthy: float = HEALTHY) -> Hypotheses:
     total = sum(shares.values())
     with np.errstate(divide="ignore"):
         each = {kind: np.log(shares[kind] / total / max(counts[kind], 1)) for kind in KINDS} | {
-            "healthy": np.log(healthy)
+            "healthy": np.log(HEALTHY)
         }
     less = {4: np.log(TWICE), 5: np.log(TWICE)}
     prior = np.array([each[fault.kind] + less.get(fault.element, 0.0) for fault in faults])
-    prior[1:] += np.log1p(-healthy) - np.log(np.exp(prior[1:]).sum())
+    prior[1:] += np.log1p(-HEALTHY) - np.log(np.exp(prior[1:]).sum())
     return Hypotheses(tuple(faults), prior, np.column_stack([one, other]), first)
 
 

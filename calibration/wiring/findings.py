@@ -84,7 +84,6 @@ class PartRow:
     touches: int = column("Number of judged touches.")
     misfits: int = column("Touches not felt where they were asked for.")
     broad: int = column("Pokes that more channels answered than a fingertip presses.", default=0)
-    places_known: bool = column("Whether it is known where touches were asked for.")
     rest_samples: int = column("Samples at rest that were judged.")
     rest_tells: bool = column("Whether there was noise enough at rest to judge channels by it.")
 
@@ -104,12 +103,11 @@ class CheckupResult:
     next: str | None = column("Next place to touch; null where nothing is left to ask.")
     checkups: int = column("Check-ups in the history, with this one; 0 without a history.")
     notes: list[str] = column("Questions that stay open.")
-    seconds: float = column("CPU time of the judgement.")
     files: list[str] = column("Files that were written.")
 
 
 def findings(examined: Examination) -> CheckupResult:
-    """The result, without files and CPU time."""
+    """The result, without files."""
     from calibration.wiring.examination import next_touch, place_words
 
     cases = {case.part: case for case in examined.cases}
@@ -123,7 +121,7 @@ def findings(examined: Examination) -> CheckupResult:
         and chance > LEAST
         and not case.doctor.wiring.mute[list(fault.modules)].all()
     ]
-    asked = next_touch({part: case for part, case in cases.items() if case.places_known})
+    asked = next_touch(cases)
     return CheckupResult(
         robot=examined.robot,
         source=examined.source,
@@ -136,7 +134,6 @@ def findings(examined: Examination) -> CheckupResult:
         next=None if asked is None else place_words(cases[asked.part].boards, asked),
         checkups=0,
         notes=list(examined.notes),
-        seconds=0.0,
         files=[],
     )
 
@@ -218,7 +215,6 @@ def _part_row(case: Case, faults: Sequence[FaultRow]) -> PartRow:
         touches=len(doctor.touches),
         misfits=doctor.misfits,
         broad=doctor.broad,
-        places_known=case.places_known,
         rest_samples=0 if rest is None else rest.samples,
         rest_tells=rest is not None and rest.tells,
     )

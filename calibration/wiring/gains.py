@@ -66,7 +66,7 @@ def gains_told(boards: Boards, touch: Touch, trusted: BoolArray) -> Told | None:
     Told or None
         None of a touch that is too short, too small, or has no path.
     """
-    if touch.path is None or touch.samples is None:
+    if touch.samples is None:
         return None
     samples, positions = touch.samples, boards.table.positions
     held = np.minimum(samples[1:-1], np.maximum(samples[:-2], samples[2:]))

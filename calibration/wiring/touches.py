@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Literal, get_args
 
 import numpy as np
@@ -12,6 +13,7 @@ from calibration.response.response import FREE
 from calibration.wiring.answer_model import THRESHOLD
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.soundness.finding import spans_of
 
 How = Literal["poke", "stroke"]
 HOWS: tuple[str, ...] = get_args(How)
@@ -28,9 +30,9 @@ class Touch:
     Attributes
     ----------
     how : {"poke", "stroke"}
-    path : (p, 3) float or None
+    path : (p, 3) float
         Where it was asked for, in the link's frame [m]: one point, or the points of a stroke in
-        order; None where nobody knows.
+        order.
     response : (n,) float
         Largest answer of each row of the table above its rest [counts].
     arrival : (n,) float
@@ -40,7 +42,7 @@ class Touch:
     """
 
     how: str
-    path: FloatArray | None
+    path: FloatArray
     response: FloatArray
     arrival: FloatArray
     samples: FloatArray | None = None
@@ -50,22 +52,15 @@ class Touch:
             raise UnknownNameError("kind of touch", self.how, HOWS)
         response = check_finite(self.response, "response", (None,))
         arrival = check_finite(self.arrival, "arrival", (len(response),))
-        freeze(self, response=response, arrival=arrival)
-        if self.path is not None:
-            path = check_finite(self.path, "path", (None, 3))
-            if len(path) == 0 or (self.how == "stroke" and len(path) < 2):
-                raise InvalidArrayError("a touch has a place, a stroke at least two")
-            freeze(self, path=path)
+        path = check_finite(self.path, "path", (None, 3))
+        if len(path) == 0 or (self.how == "stroke" and len(path) < 2):
+            raise InvalidArrayError("a touch has a place, a stroke at least two")
+        freeze(self, response=response, arrival=arrival, path=path)
 
     def away(self, places: FloatArray) -> FloatArray:
-        """(n,) how far places (n, 3) are from it [m]; without a path, from what answered most."""
-        if self.path is None:
-            weight = self.response**2
-            return np.linalg.norm(places - weight @ places / weight.sum(), axis=1)
-        if len(self.path) == 1:
-            return np.linalg.norm(places - self.path[0], axis=1)
+        """(n,) how far places (n, 3) are from it [m]."""
         found = np.full(len(places), np.inf)
-        for begin, end in zip(self.path, self.path[1:], strict=False):
+        for begin, end in pairwise([*self.path, self.path[-1]]):
             way = end - begin
             share = (places - begin) @ way / max(float(way @ way), 1e-18)
             foot = begin + np.clip(share, 0.0, 1.0)[:, None] * way
@@ -73,9 +68,9 @@ class Touch:
         return found
 
     @property
-    def middle(self) -> FloatArray | None:
+    def middle(self) -> FloatArray:
         """(3,) the middle of where it was asked for [m]."""
-        return None if self.path is None else np.asarray(self.path.mean(axis=0))
+        return np.asarray(self.path.mean(axis=0))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -169,7 +164,7 @@ def without_holes(samples: ArrayLike) -> FloatArray:
 
 
 def make_touch(
-    answers: FloatArray, how: str, path: FloatArray | None, samples: FloatArray | None = None
+    answers: FloatArray, how: str, path: FloatArray, samples: FloatArray | None = None
 ) -> Touch:
     """A touch from what channels answered while it lasted.
 
@@ -178,8 +173,8 @@ def make_touch(
     answers : (t, n) float
         Above rest, as `Baseline.answers` gives them [counts].
     how : {"poke", "stroke"}
-    path : (p, 3) float or None
-        Where it was asked for [m]; None where nobody knows.
+    path : (p, 3) float
+        Where it was asked for [m].
     samples : (t, n) float, optional
         The same above rest with their spikes, as `Baseline.above` gives them [counts].
 
@@ -199,7 +194,8 @@ def make_touch(
     >>> from calibration.wiring import Baseline, make_touch
     >>> level = Baseline.of(np.full((100, 3), 240.0), "raw")
     >>> sample = np.array([240.0, 150.0, 240.0])
-    >>> float(make_touch(level.answers(np.tile(sample, (5, 1))), "poke", None).response.max())
+    >>> touch = make_touch(level.answers(np.tile(sample, (5, 1))), "poke", np.zeros((1, 3)))
+    >>> float(touch.response.max())
     90.0
     """
     if len(answers) == 0:
@@ -214,14 +210,9 @@ def make_touch(
 def find_touches(answers: FloatArray) -> IntArray:
     """(k, 2) first and last sample of each touch in answers (t, n)."""
     active = np.asarray((answers > THRESHOLD).any(axis=1))
-    rows = np.flatnonzero(active)
-    if len(rows) == 0:
-        return np.zeros((0, 2), np.int64)
-    breaks = np.flatnonzero(np.diff(rows) > ENDS)
-    first = rows[np.concatenate([[0], breaks + 1])]
-    last = rows[np.concatenate([breaks, [len(rows) - 1]])]
-    held = np.array([active[a : b + 1].sum() >= BEGINS for a, b in zip(first, last, strict=True)])
-    return np.column_stack([first, last])[held]
+    spans = spans_of(np.flatnonzero(active), join=ENDS)
+    held = [[a, b] for a, b in spans if active[a : b + 1].sum() >= BEGINS]
+    return np.array(held, np.int64).reshape(-1, 2)
 
 
 def untouched(count: int, touches: IntArray) -> np.ndarray:

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from skinmap.report.result import OK, Verdict
-from skinmap.report.table import Cell, Table
+from skinmap.report.table import Table
 
 DPI = 110
 MM = 1e3
@@ -151,17 +151,11 @@ def bullets(texts: Sequence[str]) -> str:
     return f"<ul>{inner}</ul>" if texts else ""
 
 
-def verdict_lines(verdict: Verdict, words: str = "") -> str:
-    """A status with what it means, and its reasons."""
+def verdict_lines(verdict: Verdict) -> str:
+    """A status, and its reasons."""
     mood = "ok" if verdict.status == OK else "look"
-    meaning = f": {escape(words)}" if words else ""
-    head = f"<p class={mood}><b>{escape(verdict.status)}</b>{meaning}</p>"
+    head = f"<p class={mood}><b>{escape(verdict.status)}</b></p>"
     return head + bullets(verdict.reasons)
-
-
-def facts(rows: Iterable[tuple[str, Cell]]) -> str:
-    """Numbers in words: what it is, and how much."""
-    return Table(("", ""), list(rows)).html()
 
 
 def cards(figures: Iterable[tuple[str, str]]) -> str:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -117,32 +120,20 @@ def _in_modules(
     Of those that stand still for a while the module takes the place of its channels.
     """
     found, single = [], channels.tolist()
+    where: dict[str, Any] = {"rows": rows, "times": survey.track.times, "confidence": sure}
     least = MODULE if rows else DEAD_MODULE
     for first, last in spans_of(channels, join=4 if rows else 2):
         own = channels[(channels >= first) & (channels <= last)]
         if least <= len(own) < survey.width:
             text = f"{len(own)} channels from {first} to {last} hang together: a cable or a board."
-            found.append(_placed(survey, "module", text, own, rows, sure))
+            found.append(finding("module", text, channels=own, **where))
             if rows:
                 single = [one for one in single if one not in own]
     if single:
         verbs = ("stands still.", "stand still.") if rows else ("never answers.", "never answer.")
         text = subject(single, *verbs)
-        found.append(_placed(survey, kind, text, np.array(single), rows, sure))
+        found.append(finding(kind, text, channels=single, **where))
     return found
-
-
-def _placed(
-    survey: Survey,
-    kind: Kind,
-    text: str,
-    channels: IntArray,
-    rows: list[list[int]] | None,
-    sure: float,
-) -> Finding:
-    return finding(
-        kind, text, channels=channels, rows=rows, times=survey.track.times, confidence=sure
-    )
 
 
 def _cut(survey: Survey) -> NDArray[np.bool_]:
@@ -200,8 +191,6 @@ def _alike(one: tuple[int, int, int, float], other: tuple[int, int, int, float])
 
 def _summed(found: list[Finding]) -> list[Finding]:
     """Findings of single channels as one, where they are too many to read."""
-    from dataclasses import replace
-
     single = [one for one in found if one.kind == "stuck"]
     if len(single) <= MANY:
         return found
@@ -215,8 +204,6 @@ def _summed(found: list[Finding]) -> list[Finding]:
 
 def _joined(found: list[Finding]) -> list[Finding]:
     """Findings of the same kind and channels as one, with all their rows."""
-    from dataclasses import replace
-
     by: dict[tuple[str, tuple[int, ...]], Finding] = {}
     for one in found:
         key = (one.kind, tuple(one.channels or ()))
@@ -526,7 +513,7 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         times = float(np.median(level[:, always])) / usual
         text = subject(always, "is", "are") + f" {times:.0f} times as noisy as the others."
         found.append(finding("noisy", text, channels=always, confidence=0.97))
-    for channel in some if len(some) < 0.2 * survey.width else []:
+    for channel in some.tolist() if len(some) < 0.2 * survey.width else []:
         spans = [
             [survey.rows_of_cells(int(pieces[a][0]), int(pieces[a][0]))[0],
              survey.rows_of_cells(int(pieces[b][-1]), int(pieces[b][-1]))[1]]
@@ -534,7 +521,8 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         ]  # fmt: skip
         bad[channel] = True
         text = f"Channel {channel} is noisy for a while."
-        found.append(_placed(survey, "noisy", text, np.array([channel]), spans, 0.9))
+        own = {"rows": spans, "times": survey.track.times, "confidence": 0.9}
+        found.append(finding("noisy", text, channels=[channel], **own))
     return found
 
 

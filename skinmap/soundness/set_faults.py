@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from itertools import combinations
 from math import comb
 
 import numpy as np
@@ -44,15 +45,11 @@ def _groups(labels: list[str], groups: list[str], name: str) -> list[Finding]:
     """Sessions or people of one label each."""
     if len(set(labels)) < 2 or len(set(groups)) < 2 or not all(groups):
         return []
-    by: dict[str, set[str]] = {}
-    for group, label in zip(groups, labels, strict=True):
-        by.setdefault(group, set()).add(label)
-    where: dict[str, set[str]] = {}
-    for group, label in zip(groups, labels, strict=True):
-        where.setdefault(label, set()).add(group)
-    alone = [label for label, own in where.items() if len(own) == 1]
+    pairs = set(zip(groups, labels, strict=True))
+    labels_of = Counter(group for group, _ in pairs)
+    alone = [label for label, count in Counter(own for _, own in pairs).items() if count == 1]
     several = [group for group, count in Counter(groups).items() if count > 1]
-    if several and all(len(by[group]) == 1 for group in several) and len(several) > 1:
+    if len(several) > 1 and all(labels_of[group] == 1 for group in several):
         text = f"The {name} names the label: each {name} holds one label only."
         return [finding("leak", text, confidence=0.97)]
     if alone and len(several) > 1:
@@ -224,39 +221,24 @@ def _hashes(track: Track) -> NDArray[np.uint64]:
 def shared_recordings(surveys: list[Survey]) -> list[Finding]:
     """Recordings of which one holds the rows of another, and references that are used twice."""
     found = []
-    for count, (a, b, span, other) in _shared_rows(surveys):
-        text = (
-            f"{count} rows of {a} are in {b} too (rows {span[0]} to {span[1]}, there {other[0]} to "
-            f"{other[1]}): one recording under two names."
-        )
-        found.append(finding("repeated_recording", text, files=[a, b], rows=[span]))
-    for place, one in enumerate(surveys):
-        for two in surveys[place + 1 :]:
-            if one.track.reference is None or two.track.reference is None:
-                continue
-            run = _shared_trace(one.track.reference, two.track.reference)
-            if run:
-                text = (
-                    f"{run} samples of the reference of {one.track.file} are that of "
-                    f"{two.track.file} too: at most one of them was measured."
-                )
-                files = [one.track.file, two.track.file]
-                found.append(finding("repeated_reference", text, files=files))
-    return found
-
-
-def _shared_rows(surveys: list[Survey]) -> list[tuple[int, tuple[str, str, list[int], list[int]]]]:
-    hashes = [_hashes(one.track) for one in surveys] if len(surveys) > 1 else []
-    found = []
-    for place, one in enumerate(hashes):
-        for number in range(place + 1, len(hashes)):
-            first, second = surveys[place], surveys[number]
-            if first.width != second.width:
-                continue
-            spans = _common(one, hashes[number], first.changed, second.changed)
-            if spans is not None:
-                names = first.track.file, second.track.file
-                found.append((spans[0][1] - spans[0][0] + 1, (*names, *spans)))
+    hashed = [(one, _hashes(one.track)) for one in surveys]
+    for (one, rows), (two, others) in combinations(hashed, 2):
+        files = [one.track.file, two.track.file]
+        same = one.width == two.width
+        spans = _common(rows, others, one.changed, two.changed) if same else None
+        if spans is not None:
+            (a, b), (c, d) = spans
+            text = (
+                f"{b - a + 1} rows of {files[0]} are in {files[1]} too (rows {a} to {b}, there {c} "
+                f"to {d}): one recording under two names."
+            )
+            found.append(finding("repeated_recording", text, files=files, rows=[spans[0]]))
+        if run := _shared_trace(one.track.reference, two.track.reference):
+            text = (
+                f"{run} samples of the reference of {files[0]} are that of {files[1]} too: at most "
+                "one of them was measured."
+            )
+            found.append(finding("repeated_reference", text, files=files))
     return found
 
 
@@ -285,8 +267,10 @@ def _common(
     return [int(own[0]), int(own[-1])], [int(own[0] + best), int(own[-1] + best)]
 
 
-def _shared_trace(one: FloatArray, two: FloatArray) -> int:
+def _shared_trace(one: FloatArray | None, two: FloatArray | None) -> int:
     """Length of a moving stretch that two references share sample by sample; 0 for none."""
+    if one is None or two is None:
+        return 0
     same: dict[tuple[float, ...], int] = {}
     for at in range(0, len(one) - TRACE, TRACE // 2):
         piece = one[at : at + TRACE]

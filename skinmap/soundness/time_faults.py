@@ -50,26 +50,17 @@ def time_faults(survey: Survey) -> TimeFaults:
     track, count = survey.track, survey.count
     times = track.times
     if times is None:
-        found = [
-            finding(
-                "stamps", "The recording has no times: rate, gaps and order cannot be judged.",
-                do="record a time with each row",
-            )
-        ]  # fmt: skip
+        text = "The recording has no times: rate, gaps and order cannot be judged."
+        found = [finding("stamps", text, do="record a time with each row")]
         repeated = _repeats(survey, None)
         return TimeFaults(found + _repeated_finding(repeated, None), repeated, [np.arange(count)])
     found = []
     if track.unit:
-        found.append(
-            finding(
-                "stamps",
-                f"The times are in {track.unit}: read as seconds, the rate is wrong by 1,000 or "
-                "more.",
-                confidence=0.9,
-                harm=0.3,
-                do="write the times in seconds",
-            )
+        text = (
+            f"The times are in {track.unit}: read as seconds, the rate is wrong by 1,000 or more."
         )
+        do = "write the times in seconds"
+        found.append(finding("stamps", text, confidence=0.9, harm=0.3, do=do))
     repeated = _repeats(survey, times)
     found += _repeated_finding(repeated, times)
     # Values that repeat at times of their own leave no gap.
@@ -77,24 +68,16 @@ def time_faults(survey: Survey) -> TimeFaults:
     step = _step(times, rows, track.stretches)
     pieces, restarts = _pieces(times, rows, step, track.stretches)
     if restarts:
-        found.append(
-            finding(
-                "restart",
-                f"The clock begins anew at row {', '.join(str(a) for a, _ in restarts[:5])}: a "
-                "time occurs more than once, and rows cannot be put into order by time.",
-                rows=restarts, times=times,
-            )
-        )  # fmt: skip
+        text = (
+            f"The clock begins anew at row {', '.join(str(a) for a, _ in restarts[:5])}: a time "
+            "occurs more than once, and rows cannot be put into order by time."
+        )
+        found.append(finding("restart", text, rows=restarts, times=times))
     slips = [own[times[own] != np.sort(times[own])] for own in pieces]
     slipped = np.sort(np.concatenate(slips)) if slips else np.zeros(0, np.int64)
     if len(slipped):
-        found.append(
-            finding(
-                "order",
-                f"{len(slipped)} rows are out of order: their times run backwards.",
-                rows=spans_of(slipped), times=times,
-            )
-        )  # fmt: skip
+        text = f"{len(slipped)} rows are out of order: their times run backwards."
+        found.append(finding("order", text, rows=spans_of(slipped), times=times))
     ordered = [own[np.argsort(times[own], kind="stable")] for own in pieces]
     if step > 0:
         found += _spacing(times, ordered, step)
@@ -304,25 +287,19 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
         gaps = [one for one in gaps if not first <= one[0] < last]
     if gaps:
         lost = sum(one[2] for one in gaps)
-        found.append(
-            finding(
-                "lost",
-                f"{lost} rows are missing in {len(gaps)} gap{'s' if len(gaps) > 1 else ''}: "
-                "motion across a gap is wrong by as much.",
-                rows=[[a, b] for a, b, _ in sorted(gaps)], times=times,
-                harm=0.6 if lost > 1 else 0.4,
-            )
-        )  # fmt: skip
+        text = (
+            f"{lost} rows are missing in {len(gaps)} gap{'s' * (len(gaps) > 1)}: motion across a "
+            "gap is wrong by as much."
+        )
+        rows, harm = [[a, b] for a, b, _ in sorted(gaps)], 0.6 if lost > 1 else 0.4
+        found.append(finding("lost", text, rows=rows, times=times, harm=harm))
     if bursts:
         several = sum(b - a + 1 for a, b in bursts)
-        found.append(
-            finding(
-                "burst",
-                f"{several} rows came in {len(bursts)} burst{'s' if len(bursts) > 1 else ''}: "
-                "their times are those of their arrival, and speeds in them are wrong.",
-                rows=sorted(bursts), times=times,
-            )
-        )  # fmt: skip
+        text = (
+            f"{several} rows came in {len(bursts)} burst{'s' * (len(bursts) > 1)}: their times are "
+            "those of their arrival, and speeds in them are wrong."
+        )
+        found.append(finding("burst", text, rows=sorted(bursts), times=times))
     return found + stamps
 
 

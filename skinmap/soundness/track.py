@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.archive import open_arrays
+from skinmap.archive import read_arrays
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import (
-    DAMAGED_ARCHIVE,
     DataFormatError,
     MissingFileError,
     SkinError,
@@ -175,14 +174,7 @@ def check_track(track: Track) -> Track:
 
 def _npz(path: Path) -> dict[str, NDArray[Any]]:
     check_file(path, "an NPZ of channels over time", MAX_BYTES)
-    try:
-        with open_arrays(path) as arrays:
-            return {name: np.asarray(arrays[name]) for name in arrays.files}
-    except DAMAGED_ARCHIVE as error:
-        if isinstance(error, SkinError):
-            raise
-        said = "arrays of Python objects" if "allow_pickle" in str(error) else str(error)
-        raise DataFormatError(f"not an NPZ of arrays of numbers: {said}", path) from error
+    return read_arrays(path)
 
 
 def _mat(path: Path) -> dict[str, NDArray[Any]]:

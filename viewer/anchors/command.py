@@ -29,6 +29,7 @@ def pick(files: PatchFiles, output: Outputs, picture: Path | None) -> None:
         Nothing was solved: too few anchors, or anchors without a solution.
     """
     from calibration.commands.patch_task import patch_lines
+    from calibration.commands.results import judged
     from skinmap.display import has_display, require_opengl
 
     require_opengl()
@@ -49,7 +50,7 @@ def pick(files: PatchFiles, output: Outputs, picture: Path | None) -> None:
     result = solution.solved.result
     present(
         replace(result, files=list(view.saved)),
-        patch_lines,
+        lambda one: [*judged(one), *patch_lines(one)],
         as_json=output.as_json,
         inside=output.out,
         verdict=result.verdict(accept=output.accept),

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 from msgspec import UNSET, UnsetType
 
@@ -26,19 +25,6 @@ class Spread:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class AngleSpread(Spread):
-    """Spread of an angle over the taxels.
-
-    Attributes
-    ----------
-    share_within_15
-        Share of the taxels with at most 15 degrees.
-    """
-
-    share_within_15: float
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class DrawingMatch:
     """A drawing beside the table of taxels.
 
@@ -58,32 +44,6 @@ class DrawingMatch:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Standing:
-    """Fit of a skin to its link.
-
-    Attributes
-    ----------
-    why
-        "on it" where all taxels lie as the manifest states, else the likely cause.
-    far
-        Taxels more than 5 mm from where they should be.
-    cover_mm
-        Thickness of the cover that the manifest names.
-    low_mm, high_mm
-        5th and 95th percentile of the distances from the link.
-    move_mm
-        A rigid move that lays the skin on the link; null where none does.
-    """
-
-    why: Literal["on it", "a cover", "a frame", "a cover or a frame"]
-    far: int
-    cover_mm: float
-    low_mm: float
-    high_mm: float
-    move_mm: float | None
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
 class PartRow:
     """One part, or a bare table.
 
@@ -97,27 +57,18 @@ class PartRow:
         Total number of taxels.
     modules
         Total number of modules.
-    distinct
-        Number of positions that differ.
-    coincident
-        Taxels that share a mesh vertex with another.
     rebuilt
         Taxels that shared a place and were set beside each other.
     normals_repaired
         Stored normals that were more than 20 degrees off.
     unwired
         Taxels with a place and no channel.
-    thermal
-        Number of temperature sensors, which are not taxels.
     unit
         Of the positions in their file.
     pitch_mm
         Distance to the nearest taxel.
     distance_mm
         To the mesh of the link; null for a bare table, which has no body.
-    standing
-        Fit of the part to its link, with the likely cause of a misfit; absent for a bare
-        table.
     frame
         Frame of the positions; absent for a bare table.
     normal_angle_deg
@@ -128,8 +79,6 @@ class PartRow:
         With a module layout; null where no module is whole enough.
     swapped
         With a module layout: module by number, and the one whose frame it stands at.
-    mirror_mm
-        Distance from the mirror image of the part's twin, where it has one.
     drawing
         Match with the drawing that the manifest names; absent without one.
     verdict
@@ -143,23 +92,18 @@ class PartRow:
     channels: int
     taxels: int
     modules: int
-    distinct: int
-    coincident: int
     rebuilt: int
     normals_repaired: int
     unwired: int
-    thermal: int
     unit: str
     pitch_mm: Spread
     distance_mm: Spread | None
-    standing: Standing | UnsetType = UNSET
     frame: str | UnsetType = UNSET
-    normal_angle_deg: AngleSpread | UnsetType = UNSET
+    normal_angle_deg: Spread | UnsetType = UNSET
     inward: int | UnsetType = UNSET
     covered: int | UnsetType = UNSET
     module_side_mm: float | UnsetType | None = UNSET
     swapped: dict[str, int] | UnsetType = UNSET
-    mirror_mm: float | UnsetType = UNSET
     drawing: DrawingMatch | UnsetType = UNSET
     verdict: str
     warnings: list[str]

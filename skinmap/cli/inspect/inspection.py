@@ -10,22 +10,20 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
-from skinmap.cli.inspect.inspect_result import AngleSpread, DrawingMatch, PartRow, Spread, Standing
-from skinmap.geometry.triangles import TriangleMesh
+from skinmap.cli.inspect.inspect_result import DrawingMatch, PartRow, Spread
 from skinmap.io.flat_maps.drawing import read_drawing
 from skinmap.io.taxels.cyskin import read_cyskin
 from skinmap.io.taxels.cyskin_faults import file_faults, set_faults
 from skinmap.io.taxels.taxel_table import read_taxels
 from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
-from skinmap.skin.cover import FAR, SkinFit, judge_standing, measure_fit
+from skinmap.skin.cover import FAR, SkinFit, Standing, judge_standing, measure_fit
 from skinmap.skin.layouts import ModuleLayout, module_layout
-from skinmap.skin.modules import module_normals, slots_of
+from skinmap.skin.modules import module_normals
 from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, check_steps, repair_table
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin import Skin, skin_from_table
+from skinmap.skin.skin import skin_from_table
 from skinmap.skin.taxels import NO_ID, TaxelTable
 from skinmap.summary import first_few
-from skinmap.surface.surface_mesh import merge_coincident
 
 MM = 1e3
 CYSKIN = ".json"
@@ -45,9 +43,14 @@ def inspect_part(robot: Robot, name: str) -> PartRow:
     warnings = [f"link {spec.link!r} {NO_MESH}: distances from it are not known"]
     if len(mesh.faces):
         found = measure_fit(skin, mesh)
-        standing = _standing(skin, mesh, found, spec.cover)
-        more |= _fit_figures(found) | {"standing": standing}
-        warnings = _fit_warnings(found, standing)
+        more |= {
+            "distance_mm": spread(found.distance * MM),
+            "normal_angle_deg": spread(np.degrees(found.normal_angle)),
+            "inward": int(found.inward.sum()),
+            "covered": int(found.covered.sum()),
+        }
+        standing = judge_standing(skin, mesh, found, spec.cover)
+        warnings = _fit_warnings(found, standing, spec.cover * MM)
     if len(skin) < 3:
         warnings.append("too few taxels for a surface: each stands for a disc")
     warnings += _same_place(robot, name)
@@ -66,22 +69,10 @@ def inspect_part(robot: Robot, name: str) -> PartRow:
     twin = _twin(name)
     if twin in robot.parts:
         others = robot.repair(twin).table.positions
-        more["mirror_mm"] = mirror_distance(report.table.positions, others) * MM
-        if more["mirror_mm"] > UNLIKE * MM:
-            warnings.append(f"not the mirror image of {twin}: {more['mirror_mm']:.1f} mm apart")
+        apart = mirror_distance(report.table.positions, others)
+        if apart > UNLIKE:
+            warnings.append(f"not the mirror image of {twin}: {apart * MM:.1f} mm apart")
     return _row(report, name, spec.link, skin.normals, spec.layout, warnings, **more)
-
-
-def _fit_figures(found: SkinFit) -> dict[str, Any]:
-    angle = np.degrees(found.normal_angle)
-    return {
-        "distance_mm": spread(found.distance * MM),
-        "normal_angle_deg": AngleSpread(
-            **_spread(angle), share_within_15=float((angle <= 15.0).mean())
-        ),
-        "inward": int(found.inward.sum()),
-        "covered": int(found.covered.sum()),
-    }
 
 
 def file_faults_of(paths: Sequence[Path]) -> dict[Path, list[str]]:
@@ -141,17 +132,13 @@ def inspect_table(
 
 def spread(values: FloatArray) -> Spread:
     """Mean, median, 95th percentile, smallest and largest."""
-    return Spread(**_spread(values))
-
-
-def _spread(values: FloatArray) -> dict[str, float]:
-    return {
-        "mean": float(values.mean()),
-        "median": float(np.median(values)),
-        "p95": float(np.percentile(values, 95)),
-        "min": float(values.min()),
-        "max": float(values.max()),
-    }
+    return Spread(
+        mean=float(values.mean()),
+        median=float(np.median(values)),
+        p95=float(np.percentile(values, 95)),
+        min=float(values.min()),
+        max=float(values.max()),
+    )
 
 
 def _row(
@@ -172,10 +159,8 @@ def _row(
     length = np.linalg.norm(stored, axis=1)
     cosine = np.einsum("ij,ij->i", stored, normals) / np.where(length > 0, length, 1.0)
     replaced = int((np.arccos(np.clip(cosine, -1.0, 1.0)) > PLACEHOLDER).sum())
-    distinct = len(np.unique(table.positions, axis=0))
-    gap = np.zeros((1, 1))  # of one place alone
-    if distinct > 1:
-        gap, _ = nearest(np.unique(table.positions, axis=0), 1)
+    distinct = np.unique(table.positions, axis=0)
+    gap = nearest(distinct, 1)[0] if len(distinct) > 1 else np.zeros((1, 1))
     notes = [*faults, *warnings]
     if len(report.rebuilt):
         notes.append(f"{len(report.rebuilt)} taxels shared a place and were rebuilt")
@@ -192,22 +177,15 @@ def _row(
         )
     if report.unit != "m":
         notes.append(f"positions were in {report.unit} and were converted")
-    pads = len(report.thermal)
-    if layout is not None and not pads:
-        pads = int(layout.thermal[slots_of(table, layout)].sum())
-    shared = merge_coincident(table.positions)[0] != np.arange(len(table))
     return PartRow(
         name=name,
         link=link,
         channels=int(before.channels.max()) + 1,
         taxels=len(table),
         modules=len(np.unique(table.modules)),
-        distinct=distinct,
-        coincident=int(shared.sum()),
         rebuilt=len(report.rebuilt),
         normals_repaired=replaced,
         unwired=len(table.unwired),
-        thermal=pads,
         unit=report.unit,
         pitch_mm=spread(gap[:, 0] * MM),
         verdict=FAULTY if faults else _verdict(notes),
@@ -233,19 +211,7 @@ def _shared_places(table: TaxelTable, layout: ModuleLayout | None) -> list[str]:
     return notes
 
 
-def _standing(skin: Skin, mesh: TriangleMesh, found: SkinFit, cover: float) -> Standing:
-    judged = judge_standing(skin, mesh, found, cover)
-    return Standing(
-        why=judged.why,
-        far=judged.far,
-        cover_mm=cover * MM,
-        low_mm=judged.low * MM,
-        high_mm=judged.high * MM,
-        move_mm=None if np.isnan(judged.shift) else judged.shift * MM,
-    )
-
-
-def _fit_warnings(found: SkinFit, standing: Standing) -> list[str]:
+def _fit_warnings(found: SkinFit, standing: Standing, cover_mm: float) -> list[str]:
     warnings = []
     if found.inward.any():
         warnings.append(f"{found.inward.sum()} normals point into the body")
@@ -253,20 +219,20 @@ def _fit_warnings(found: SkinFit, standing: Standing) -> list[str]:
         return warnings
     steady = (
         f"the skin stands a steady {np.median(found.distance) * MM:.1f} mm off the link "
-        f"({standing.low_mm:.0f} to {standing.high_mm:.0f})"
+        f"({standing.low * MM:.0f} to {standing.high * MM:.0f})"
     )
     if standing.why == "a frame":
-        there = f" and its cover of {standing.cover_mm:g} mm" if standing.cover_mm else ""
+        there = f" and its cover of {cover_mm:g} mm" if cover_mm else ""
         warnings.append(
             f"{standing.far} taxels are more than {FAR * MM:.0f} mm off the link{there}: "
             "frame or unit"
         )
     elif standing.why == "a cover":
-        said = f", not {standing.cover_mm:g}" if standing.cover_mm else ""
+        said = f", not {cover_mm:g}" if cover_mm else ""
         warnings.append(f"{steady}{said}: a cover? set cover_mm in the manifest")
     else:
         warnings.append(
-            f"{steady}: a cover (set cover_mm), or its frame is {standing.move_mm:.0f} mm off"
+            f"{steady}: a cover (set cover_mm), or its frame is {standing.shift * MM:.0f} mm off"
         )
     return warnings
 

@@ -15,7 +15,6 @@ from calibration.commands.calibration_options import PatchFiles
 from calibration.commands.patch_task import PatchTask, load_link
 from calibration.files.tables import (
     read_anchor_table,
-    read_anchors,
     read_board,
     read_numbers,
     read_placed,
@@ -293,10 +292,8 @@ TARGETS = [
            ("calibration.commands.patch_task.load_link",)),
     Target("board", "board.csv", lambda: [BOARD.encode()], read_board, (f"{CAL}.read_board",)),
     Target("placed", "p.csv", lambda: [ANCHORS.encode()], read_placed, (f"{CAL}.read_placed",)),
-    Target("anchors", "a.csv", lambda: [ANCHORS.encode()], by_board(read_anchors),
-           (f"{CAL}.read_anchors", f"{CAL}.read_table", f"{CAL}.read_cells"), ON_BOARD),
-    Target("anchor-table", "a.csv", lambda: [ANCHORS.encode()], by_board(read_anchor_table),
-           ("calibration.files.tables.read_anchor_table",), ON_BOARD),
+    Target("anchors", "a.csv", lambda: [ANCHORS.encode()], by_board(read_anchor_table),
+           (f"{CAL}.read_anchor_table", f"{CAL}.read_table", f"{CAL}.read_cells"), ON_BOARD),
     Target("wrap", "a.csv", lambda: [ANCHORS.encode()],
            lambda p: PatchTask.load(PatchFiles(layout=p.with_name("board.csv"), units="mm",
                                                mesh=p.with_name("hand.ply"), anchors=p)),
