@@ -30,7 +30,6 @@ COMMANDS = {
     "export ply": "export icub --part left_hand --format ply -o OUT.ply",
     "export mjcf": "export icub --part left_hand --format mjcf -o OUT.xml",
     "export .npz": "export IN.mcap -o OUT.npz",
-    "export .h5": "export IN.mcap -o OUT.h5",
     "export .mcap": "export IN.mcap -o OUT.mcap",
     "flatten": "flatten icub --part left_hand -o OUT",
     "evaluate": "evaluate IN.npz --seeds 1 -o OUT",

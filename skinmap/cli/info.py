@@ -109,7 +109,6 @@ PURPOSES = {
     "foxglove": "streams to Foxglove",
     "zenoh": "streams from and to ROS 2",
     "lerobot": "LeRobot data sets",
-    "hdf5": "arrays as .h5",
     "movies": "movies as .mp4",
     "rerun": "files for rerun",
     "torch": "training of networks",
