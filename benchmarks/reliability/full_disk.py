@@ -27,7 +27,6 @@ COMMANDS = {
     "export csv": "export icub --part left_hand --format csv -o OUT.csv",
     "export icub": "export icub --part left_hand --format icub -o OUT.txt",
     "export urdf": "export icub --part left_hand --format urdf -o OUT.urdf",
-    "export ply": "export icub --part left_hand --format ply -o OUT.ply",
     "export mjcf": "export icub --part left_hand --format mjcf -o OUT.xml",
     "export .npz": "export IN.mcap -o OUT.npz",
     "export .mcap": "export IN.mcap -o OUT.mcap",

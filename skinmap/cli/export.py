@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 FORMATS: dict[str, tuple[str, ...]] = {  # of taxels, with the endings of their files
     "csv": (".csv",), "icub": (".txt",), "urdf": (".urdf", ".xml"), "cyskin": (".json",),
-    "ply": (".ply",), "mjcf": (".xml",),
+    "mjcf": (".xml",),
 }  # fmt: skip
 FOLDERS = ("lerobot", "rosbag2")  # of a recording
 TOUCHED = "touched"  # a table of recordings
@@ -300,7 +300,7 @@ def command(
     calibrations: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Write the taxels of a part: csv, icub (positions .txt), urdf (tactile extension), ply.
+    """Write the taxels of a part: csv, icub (positions .txt), urdf (tactile extension).
 
     cyskin is a .json of CySkin with the surface mesh and the flat map of the part.
     mjcf is the whole robot with its skins as tactile sensors, a model for MuJoCo.
@@ -754,4 +754,4 @@ def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) ->
             table = dataclasses.replace(table, modules=table.channels // CHANNELS_PER_MODULE)
         taxel_export.write_icub(table, path, name=table.link or "_".join(part.split()))
     else:
-        {"csv": write_csv, "ply": taxel_export.write_ply}[format](table, path)
+        write_csv(table, path)

@@ -178,7 +178,7 @@ def test_without_a_place_for_notes_only_what_is_not_there_is_written(tmp_path, m
     [
         ("icub --part torso", "live.mcap"),
         ("icub --part torso --format icub", "torso.csv"),
-        ("icub --part torso --format ply", "torso"),
+        ("icub --part torso --format urdf", "torso"),
         ("icub --format mjcf", "icub.urdf"),
         ("{RECORDING} --format lerobot", "data.npz"),
     ],
