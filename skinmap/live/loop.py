@@ -81,8 +81,6 @@ class TouchLoop(Summary):
         When contacts are one grip.
     pace : float
         Labels a second for each part at most.
-    reopen : callable, optional
-        Opens the source again where it died for good.
     singly : bool
         A moment for every sample; otherwise only of sources that play as fast as they are asked.
     live : bool, optional
@@ -131,7 +129,6 @@ class TouchLoop(Summary):
         skins: Mapping[str, PreparedSkin] | None = None,
         rule: GroupingRule = RULE,
         pace: float = PACE,
-        reopen: Callable[[], Source] | None = None,
         singly: bool = False,
         live: bool | None = None,
     ) -> None:
@@ -141,7 +138,7 @@ class TouchLoop(Summary):
             classifier = load_classifier(classifier)
         self._singly, self._live = singly, live
         self.robot, self.counts = robot, Counts()
-        self.feed = Feed(robot, source, self.counts, reopen)
+        self.feed = Feed(source, self.counts)
         info = self.info
         check_skin(info, robot)
         chosen = chosen_parts(info, parts)
@@ -229,7 +226,7 @@ class TouchLoop(Summary):
         SourceEnded
             A recording is over. Touches that lasted are over, too.
         UnreachableError
-            A source that died, and nobody said how to open it again.
+            A source that died for good.
         """
         if not self._runs:
             try:
