@@ -352,12 +352,13 @@ def command(
             )
         result = export_recording(Path(robot), output, format)
     elif format in EXPORTS:
-        why, export = EXPORTS[format]
         if unrepaired:
-            raise click.UsageError(why)
+            raise click.UsageError(
+                f"{format} is of a whole robot or recording; leave out --unrepaired"
+            )
         if format != IMAGES:
             _check_ending(output, format)
-        result = export(robot, parts, output, calibrations)
+        result = EXPORTS[format](robot, parts, output, calibrations)
     else:
         result = export_taxels(robot, parts, output, format or "csv", unrepaired=unrepaired)
     present(result, _lines, as_json=as_json)
@@ -641,15 +642,10 @@ def _check_new(folder: Path) -> None:
         raise OutputError(f"{str(folder)!r} is there already; name a folder that is not")
 
 
-RECORDED = "a recording has no --unrepaired"
-# For each format what is said of --unrepaired, and who writes it.
-EXPORTS: dict[str, tuple[str, Callable[..., Exported]]] = {
-    TOUCHED: ("touched is of recordings; leave out --unrepaired", export_touched),
-    IMAGES: ("images are of recordings; leave out --unrepaired", export_images),
-    RERUN: (RECORDED, export_rerun),
-    CONTACTS: (RECORDED, export_contacts),
-    "mjcf": ("mjcf is of a whole robot; leave out --unrepaired", export_model),
-}
+EXPORTS: dict[str, Callable[..., Exported]] = {
+    TOUCHED: export_touched, IMAGES: export_images, RERUN: export_rerun,
+    CONTACTS: export_contacts, "mjcf": export_model,
+}  # fmt: skip
 
 
 def _lines(result: Exported) -> Iterator[str]:
