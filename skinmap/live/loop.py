@@ -256,7 +256,7 @@ class TouchLoop(Summary):
         for block in blocks(source):
             end = float(block.times[0]) + seconds if end != end else end
             for _, _, values in checks.look(block):
-                self._gate.apply(self._responses.apply(values[:, self._gather])[0])
+                self._gate.apply(self._responses.apply(values[:, self._gather]))
             if block.times[-1] >= end:
                 return
 
@@ -278,7 +278,7 @@ class TouchLoop(Summary):
         """
         for block in blocks(self.source):
             for anew, times, values in self._checks.look(block):
-                pressures = self._responses.apply(values[:, self._gather])[0]
+                pressures = self._responses.apply(values[:, self._gather])
                 yield anew, times, self._gate.apply(pressures), self._gate.rest.stuck
 
     def seek(self, seconds: float) -> None:
@@ -383,13 +383,13 @@ class TouchLoop(Summary):
         if anew:
             self._begin_anew()
         dense = values if self._all else values[:, self._gather]
-        pressures, forces = self._responses.apply(dense)
+        pressures = self._responses.apply(dense)
         live, last = self.live, len(times) - 1
         touched = self._gate.apply(pressures)
         for part, loads in self._loads.items():
             loads.take(dense[:, self._skin.slices[part]], bool(touched.any()))
         for row, now in enumerate(times.tolist()):
-            self._tracker.update(now, touched[row], None if forces is None else forces[row])
+            self._tracker.update(now, touched[row])
             tracks = self._tracker.tracks
             self._keep_book(now, touched[row])
             if self._namer is not None and self.naming:

@@ -164,7 +164,6 @@ def test_moments_tell_all_of_a_touch(icub, prepared):
     assert touch.taxels.tolist() == [10, 11]
     assert (touch.peak, touch.mean) == (90.0, 90.0)
     assert touch.area == pytest.approx(skin.geometry.areas[[10, 11]].sum())
-    assert touch.force is None
     assert touch.normal is not None
     assert np.linalg.norm(touch.normal) == pytest.approx(1.0)
 
