@@ -15,7 +15,7 @@ import numpy as np
 from numpy.lib.npyio import NpzFile
 from numpy.typing import NDArray
 
-from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError
+from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, SkinError
 
 MAGIC = b"\x93NUMPY"
 MAX_LETTER = 0x10FFFF  # of Unicode; the surrogates below it stand for no letter either
@@ -25,17 +25,36 @@ LARGEST = 2**32  # bytes unpacked: an hour of 4,326 taxels at 50 Hz has 0.8e9
 
 
 @contextmanager
-def open_arrays(path: Path) -> Iterator[NpzFile]:
+def open_arrays(path: Path, expected: str = "") -> Iterator[NpzFile]:
     """The arrays of an archive; nothing in it is executed.
 
     Opened here, as numpy leaves a damaged file open when it opens it itself.
 
+    Parameters
+    ----------
+    path : Path
+    expected : str
+        What the archive is, for messages. Without it damage raises what is listed in
+        `skinmap.errors.DAMAGED_ARCHIVE`.
+
     Raises
     ------
     DataFormatError
-        A member that is no array, or more than 4 GB unpacked. Damage raises what is listed in
-        `skinmap.errors.DAMAGED_ARCHIVE`.
+        A member that is no array, or more than 4 GB unpacked; with `expected` damage too, and
+        arrays that cannot be what they should.
     """
+    try:
+        with _opened(path) as arrays:
+            yield arrays
+    except DAMAGED_ARCHIVE as error:
+        known = isinstance(error, SkinError) and not isinstance(error, InvalidArrayError)
+        if known or not expected:
+            raise
+        raise DataFormatError(f"not {expected}: {str(error)[:200]}", path) from error
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[NpzFile]:
     with path.open("rb") as file:
         if not zipfile.is_zipfile(file):
             raise zipfile.BadZipFile("not an .npz archive")
@@ -60,13 +79,8 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     DataFormatError
         A damaged archive too.
     """
-    try:
-        with open_arrays(path) as arrays:
-            return {name: arrays[name] for name in arrays.files}
-    except DataFormatError:
-        raise
-    except DAMAGED_ARCHIVE as error:
-        raise DataFormatError(f"not an archive of arrays: {str(error)[:200]}", path) from None
+    with open_arrays(path, "an archive of arrays") as arrays:
+        return {name: arrays[name] for name in arrays.files}
 
 
 def check_directory(whole: zipfile.ZipFile) -> None:

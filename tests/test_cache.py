@@ -311,7 +311,6 @@ def test_info_shows_what_is_kept(folder):
     assert found["state"] == "ready"
     assert found["entries"] == 2
     assert found["folder"] == str(folder)
-    assert set(found["kinds"]) == {"one", "two"}
     assert found["used_mb"] == pytest.approx(
         sum(path.stat().st_size for path in folder.rglob("*.npz")) / 1e6, abs=1e-6
     )

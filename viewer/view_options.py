@@ -195,7 +195,6 @@ class Session:
             calibrations={p: load for p, load in self.calibrations.items() if p in shared},
             parts=shared,
             skins=self.skins,
-            reopen=lambda: stepwise(self.open()),
             singly=singly,
         )
 

@@ -29,7 +29,7 @@ FORMAT = 1  # of the files
 DIRTY = "-dirty"  # of a commit whose files were changed
 LIBRARIES = (
     "skinmap", "numpy", "scipy", "scikit-learn", "numba", "libigl", "trimesh", "pymeshlab",
-    "scikit-sparse", "potpourri3d", "open3d", "pyvista", "vtk", "websockets",
+    "potpourri3d", "open3d", "pyvista", "vtk", "websockets",
     "mcap", "zstandard", "pyzmq", "pylsl", "loky", "torch",
 )  # fmt: skip
 Measure = Callable[..., dict[str, Any]]

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 FORMATS: dict[str, tuple[str, ...]] = {  # of taxels, with the endings of their files
     "csv": (".csv",), "icub": (".txt",), "urdf": (".urdf", ".xml"), "cyskin": (".json",),
-    "ply": (".ply",), "mjcf": (".xml",),
+    "mjcf": (".xml",),
 }  # fmt: skip
 FOLDERS = ("lerobot", "rosbag2")  # of a recording
 TOUCHED = "touched"  # a table of recordings
@@ -40,9 +40,7 @@ CONTACTS = "contacts"  # a table of a recording
 IMAGES = "images"  # a folder of pictures of a recording
 ENDINGS = {TOUCHED: (".csv",), RERUN: (".rrd",), CONTACTS: (".csv", ".parquet")}
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
-WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
-WRITTEN = (".mcap", *WRITERS)  # endings that only recordings are written in
-MCAP = ".mcap"
+MCAP, NPZ = ".mcap", ".npz"  # endings that only recordings are written in
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -302,7 +300,7 @@ def command(
     calibrations: tuple[str, ...],
     as_json: bool,
 ) -> None:
-    """Write the taxels of a part: csv, icub (positions .txt), urdf (tactile extension), ply.
+    """Write the taxels of a part: csv, icub (positions .txt), urdf (tactile extension).
 
     cyskin is a .json of CySkin with the surface mesh and the flat map of the part.
     mjcf is the whole robot with its skins as tactile sensors, a model for MuJoCo.
@@ -312,8 +310,8 @@ def command(
     are; FORMAT:FILE reads one whose suffix does not tell its format.
 
     A recording (.mcap, .npz, .xdf, data.log) in place of the robot is written as arrays for
-    machine learning: HDF5 or NPZ, by the suffix of the output. A cut or damaged .mcap is written
-    whole again, for all MCAP readers, with -o *.mcap. Folders are written with --format lerobot
+    machine learning, with -o *.npz. A cut or damaged .mcap is written whole again, for all MCAP
+    readers, with -o *.mcap. Folders are written with --format lerobot
     (a LeRobot data set) or rosbag2 (with a cloud of the taxels for every sample).
 
     With --format images each marked touch becomes a contact image as published, 66 x 100 pixels of
@@ -329,7 +327,7 @@ def command(
     Example:  skinmap export icub --part torso --format icub -o torso.txt
     Example:  skinmap export icub --format mjcf -o icub.xml
     Example:  skinmap export torso.txt --format csv -o torso.csv
-    Example:  skinmap export touch.mcap -o touch.h5
+    Example:  skinmap export touch.mcap -o touch.npz
     Example:  skinmap export cut.mcap -o whole.mcap
     Example:  skinmap export touch.mcap --format lerobot -o dataset
     Example:  skinmap export touch.mcap --format images -o folder
@@ -341,7 +339,7 @@ def command(
         raise click.UsageError("--calibration needs --format contacts")
     from skinmap.io.recordings.touch_files import is_foreign
 
-    written = format in (RERUN, CONTACTS, *FOLDERS) or output.suffix.lower() in WRITTEN
+    written = format in (RERUN, CONTACTS, *FOLDERS) or output.suffix.lower() in (MCAP, NPZ)
     recorded = _is_recording(Path(robot)) or (written and is_foreign(Path(robot)))
     if format in (RERUN, CONTACTS, *FOLDERS) and not recorded:
         raise click.UsageError(f"{format} is for recordings, and {robot} is not one")
@@ -354,12 +352,13 @@ def command(
             )
         result = export_recording(Path(robot), output, format)
     elif format in EXPORTS:
-        why, export = EXPORTS[format]
         if unrepaired:
-            raise click.UsageError(why)
+            raise click.UsageError(
+                f"{format} is of a whole robot or recording; leave out --unrepaired"
+            )
         if format != IMAGES:
             _check_ending(output, format)
-        result = export(robot, parts, output, calibrations)
+        result = EXPORTS[format](robot, parts, output, calibrations)
     else:
         result = export_taxels(robot, parts, output, format or "csv", unrepaired=unrepaired)
     present(result, _lines, as_json=as_json)
@@ -592,12 +591,12 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
     from skinmap.errors import UnknownNameError
     from skinmap.io.mcap.reading import write_repaired
     from skinmap.io.output import staged_file
-    from skinmap.io.recordings import learning
+    from skinmap.io.recordings.learning import write_npz
     from skinmap.live.sources.open_recording import open_track
 
     suffix, mends = output.suffix.lower(), path.suffix.lower() == MCAP
     if format is not None:
-        if suffix in (*RECORDINGS, *WRITERS):
+        if suffix in RECORDINGS:
             name = output.name
             raise click.UsageError(f"{format} is a folder, {name!r} is the name of a file")
         track = open_track(path)
@@ -605,12 +604,12 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
     elif suffix == MCAP and mends:
         with staged_file(output) as stage:
             track = write_repaired(path, stage)
-    elif suffix in WRITERS:
+    elif suffix == NPZ:
         track = open_track(path)
         with staged_file(output) as stage:
-            getattr(learning, WRITERS[suffix])(track, stage)
+            write_npz(track, stage)
     else:
-        formats = [*WRITERS, *([MCAP] if mends else [])]
+        formats = [NPZ, *([MCAP] if mends else [])]
         raise UnknownNameError("format of a recording for files ending in", suffix, formats)
     pairs = zip(track.parts, track.info.widths, strict=True)
     return ExportedRecording(
@@ -643,15 +642,10 @@ def _check_new(folder: Path) -> None:
         raise OutputError(f"{str(folder)!r} is there already; name a folder that is not")
 
 
-RECORDED = "a recording has no --unrepaired"
-# For each format what is said of --unrepaired, and who writes it.
-EXPORTS: dict[str, tuple[str, Callable[..., Exported]]] = {
-    TOUCHED: ("touched is of recordings; leave out --unrepaired", export_touched),
-    IMAGES: ("images are of recordings; leave out --unrepaired", export_images),
-    RERUN: (RECORDED, export_rerun),
-    CONTACTS: (RECORDED, export_contacts),
-    "mjcf": ("mjcf is of a whole robot; leave out --unrepaired", export_model),
-}
+EXPORTS: dict[str, Callable[..., Exported]] = {
+    TOUCHED: export_touched, IMAGES: export_images, RERUN: export_rerun,
+    CONTACTS: export_contacts, "mjcf": export_model,
+}  # fmt: skip
 
 
 def _lines(result: Exported) -> Iterator[str]:
@@ -756,4 +750,4 @@ def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) ->
             table = dataclasses.replace(table, modules=table.channels // CHANNELS_PER_MODULE)
         taxel_export.write_icub(table, path, name=table.link or "_".join(part.split()))
     else:
-        {"csv": write_csv, "ply": taxel_export.write_ply}[format](table, path)
+        write_csv(table, path)

@@ -8,7 +8,7 @@ import re
 import socket
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution, metadata, version
 from pathlib import Path
 
@@ -21,22 +21,6 @@ from skinmap.display import loads as loads_library
 from skinmap.errors import MissingLibraryError
 from skinmap.report.present import present
 from skinmap.report.table import Table
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class KindRow:
-    """Cache entries of one kind.
-
-    Attributes
-    ----------
-    entries
-        Number of cache entries.
-    used_mb
-        Size of the entries.
-    """
-
-    entries: int
-    used_mb: float
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -53,8 +37,6 @@ class CacheInfo:
         The most that is kept, and what is.
     entries
         Number of cache entries.
-    kinds
-        By the kind of what is kept.
     """
 
     folder: str | None
@@ -62,7 +44,6 @@ class CacheInfo:
     limit_mb: float = 0.0
     used_mb: float = 0.0
     entries: int = 0
-    kinds: dict[str, KindRow] = field(default_factory=dict)
 
 
 def cache_info() -> CacheInfo:
@@ -73,9 +54,6 @@ def cache_info() -> CacheInfo:
     if cache is None:
         return CacheInfo(folder=None, state="off")
     entries = cache.entries()
-    sizes: dict[str, list[int]] = {}
-    for entry in entries:
-        sizes.setdefault(entry.kind, []).append(entry.size)
     state = "ready"
     if not cache.folder.exists():
         state = "empty"
@@ -89,10 +67,6 @@ def cache_info() -> CacheInfo:
         limit_mb=cache.limit / 1e6,
         used_mb=sum(entry.size for entry in entries) / 1e6,
         entries=len(entries),
-        kinds={
-            kind: KindRow(entries=len(own), used_mb=sum(own) / 1e6)
-            for kind, own in sorted(sizes.items())
-        },
     )
 
 
@@ -109,7 +83,6 @@ PURPOSES = {
     "foxglove": "streams to Foxglove",
     "zenoh": "streams from and to ROS 2",
     "lerobot": "LeRobot data sets",
-    "hdf5": "arrays as .h5",
     "movies": "movies as .mp4",
     "rerun": "files for rerun",
     "torch": "training of networks",

@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, suppress
 from dataclasses import dataclass
-from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,7 +31,6 @@ from skinmap.report.present import present, singular
 
 if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.moment import Moment
     from skinmap.live.recording.recorder import Recorder
     from skinmap.live.recording.recording_tap import RecordingTap
     from skinmap.live.sources.source import Source
@@ -96,7 +94,7 @@ class RecordResult:
 @seed_option
 @retired(
     profile=NO_PROFILE,
-    motion="touches that are named (--label, --model) carry how they move",
+    motion="`skinmap classify RECORDING` tells how each touch moves",
     rotate_mb="a new file begins at 1 GB; Recorder(rotate_bytes=...) in Python",
     rotate_minutes="a new file begins after an hour; Recorder(rotate_seconds=...) in Python",
     points_hz="clouds of all taxels are written once a second; Recorder(points_hz=...) in Python",
@@ -310,37 +308,11 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
             if loop.info.kind == "raw":
                 recorder.put(_pressure_block(moment, loop.info.parts), "pressure")
             recorder.show_touches(moment.time, touch_markers(loop.robot, moment))
-            if moment.touches:
-                recorder.put_motion(moment.time, _motions(loop, moment))
             shown.add(1)
             _mark_ended(loop, recorder, shown)
     except (SourceEnded, KeyboardInterrupt):
         loop.finish()
         _mark_ended(loop, recorder, shown)
-
-
-def _motions(loop: TouchLoop, moment: Moment) -> list[dict[str, Any]]:
-    """The touches of a moment, how they move, and what a model answers about them."""
-    from skinmap.recognition.answers import answers_object
-
-    return [
-        {
-            "part": one.part,
-            "touch": one.identity,
-            "channels": loop.skins[one.part].skin.channels[one.taxels].tolist(),
-            "label": one.label,
-            "centre_m": one.centre.round(6).tolist(),
-            "velocity_m_s": one.motion.velocity.round(6).tolist(),
-            "error_m_s": one.motion.error if isfinite(one.motion.error) else None,
-            "speed_m_s": one.motion.speed,
-            "heading": one.motion.heading,
-            "length_m": one.motion.length,
-            "presses": one.motion.presses,
-            **answers_object(one.answers),
-        }
-        for one in moment.touches
-        if one.motion is not None
-    ]
 
 
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -147,13 +147,6 @@ def units_option(of: str) -> Callable[[F], F]:
 def word(name: str, metavar: str, text: str, **more: Any) -> Callable[[F], F]:
     """An option that takes a word."""
     return click.option(name, metavar=metavar, help=text, **more)
-
-
-def choice(name: str, words: Sequence[str], text: str) -> Callable[[F], F]:
-    """An option that takes one of some words, the first by default."""
-    return click.option(
-        name, type=click.Choice(words), default=words[0], show_default=True, help=text
-    )
 
 
 def number(name: str, low: float, high: float, text: str, **more: Any) -> Callable[[F], F]:

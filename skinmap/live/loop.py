@@ -81,8 +81,6 @@ class TouchLoop(Summary):
         When contacts are one grip.
     pace : float
         Labels a second for each part at most.
-    reopen : callable, optional
-        Opens the source again where it died for good.
     singly : bool
         A moment for every sample; otherwise only of sources that play as fast as they are asked.
     live : bool, optional
@@ -131,7 +129,6 @@ class TouchLoop(Summary):
         skins: Mapping[str, PreparedSkin] | None = None,
         rule: GroupingRule = RULE,
         pace: float = PACE,
-        reopen: Callable[[], Source] | None = None,
         singly: bool = False,
         live: bool | None = None,
     ) -> None:
@@ -141,7 +138,7 @@ class TouchLoop(Summary):
             classifier = load_classifier(classifier)
         self._singly, self._live = singly, live
         self.robot, self.counts = robot, Counts()
-        self.feed = Feed(robot, source, self.counts, reopen)
+        self.feed = Feed(source, self.counts)
         info = self.info
         check_skin(info, robot)
         chosen = chosen_parts(info, parts)
@@ -229,7 +226,7 @@ class TouchLoop(Summary):
         SourceEnded
             A recording is over. Touches that lasted are over, too.
         UnreachableError
-            A source that died, and nobody said how to open it again.
+            A source that died for good.
         """
         if not self._runs:
             try:
@@ -259,7 +256,7 @@ class TouchLoop(Summary):
         for block in blocks(source):
             end = float(block.times[0]) + seconds if end != end else end
             for _, _, values in checks.look(block):
-                self._gate.apply(self._responses.apply(values[:, self._gather])[0])
+                self._gate.apply(self._responses.apply(values[:, self._gather]))
             if block.times[-1] >= end:
                 return
 
@@ -281,7 +278,7 @@ class TouchLoop(Summary):
         """
         for block in blocks(self.source):
             for anew, times, values in self._checks.look(block):
-                pressures = self._responses.apply(values[:, self._gather])[0]
+                pressures = self._responses.apply(values[:, self._gather])
                 yield anew, times, self._gate.apply(pressures), self._gate.rest.stuck
 
     def seek(self, seconds: float) -> None:
@@ -386,13 +383,13 @@ class TouchLoop(Summary):
         if anew:
             self._begin_anew()
         dense = values if self._all else values[:, self._gather]
-        pressures, forces = self._responses.apply(dense)
+        pressures = self._responses.apply(dense)
         live, last = self.live, len(times) - 1
         touched = self._gate.apply(pressures)
         for part, loads in self._loads.items():
             loads.take(dense[:, self._skin.slices[part]], bool(touched.any()))
         for row, now in enumerate(times.tolist()):
-            self._tracker.update(now, touched[row], None if forces is None else forces[row])
+            self._tracker.update(now, touched[row])
             tracks = self._tracker.tracks
             self._keep_book(now, touched[row])
             if self._namer is not None and self.naming:

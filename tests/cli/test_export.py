@@ -41,14 +41,6 @@ def test_export_of_what_was_exported_changes_nothing(tmp_path, same_table):
         first = second
 
 
-def test_export_for_viewers(tmp_path):
-    path = tmp_path / "t.ply"
-    assert (
-        run("--part", "left_hand", "--format", "ply", "-o", str(path))["parts"][0]["modules"] == 4
-    )
-    assert path.stat().st_size > 2000
-
-
 def test_export_unrepaired_writes_what_the_file_says(tmp_path, icub, same_table):
     path = tmp_path / "t.csv"
     run("icub", "--part", "right_hand", "--unrepaired", "-o", str(path))

@@ -19,7 +19,7 @@ EXAMPLE = ROOT / "docs" / "examples" / "robot"
 NASTY = "<img src=x onerror=alert(1)>\\u001b[31m"
 
 
-@pytest.mark.parametrize("command", ["export csv", "export ply", "export mjcf"])
+@pytest.mark.parametrize("command", ["export csv", "export urdf", "export mjcf"])
 def test_a_disk_without_room_is_one_line_and_leaves_nothing(tmp_path, command):
     found = full_disk.refuse(command, tmp_path)
     assert found["fault"] == ""

@@ -13,7 +13,7 @@ from hypothesis.extra.numpy import arrays
 from skinmap.errors import OutputError
 from skinmap.io.taxels.icub import read_icub
 from skinmap.io.taxels.tactile_urdf import read_tactile_sensors, read_tactile_urdf
-from skinmap.io.taxels.taxel_export import write_icub, write_ply, write_tactile_urdf
+from skinmap.io.taxels.taxel_export import write_icub, write_tactile_urdf
 from skinmap.io.taxels.taxel_table import read_csv, write_csv
 from skinmap.skin.taxels import ABSENT, THERMAL, TaxelTable
 
@@ -178,28 +178,9 @@ def test_write_tactile_urdf_refuses_what_is_no_robot(tmp_path):
     assert not path.exists()
 
 
-def test_write_ply_is_read_by_trimesh_with_the_same_bits(tmp_path, icub):
-    import trimesh
-
-    skin = icub.skin("right_hand")
-    write_ply(
-        TaxelTable(skin.channels, skin.modules, skin.positions, skin.normals), tmp_path / "t.ply"
-    )
-    cloud = trimesh.load(tmp_path / "t.ply")
-    rows = cloud.metadata["_ply_raw"]["vertex"]["data"]
-    np.testing.assert_array_equal(cloud.vertices, skin.positions)
-    for axis, name in enumerate(("nx", "ny", "nz")):
-        np.testing.assert_array_equal(np.ravel(rows[name]), skin.normals[:, axis])
-    np.testing.assert_array_equal(np.ravel(rows["channel"]), skin.channels)
-    np.testing.assert_array_equal(np.ravel(rows["module"]), skin.modules)
-
-
-def test_ply_refuses_what_it_cannot_hold(tmp_path):
-    with pytest.raises(OutputError, match="32 bits"):
-        write_ply(table_of([2**31]), tmp_path / "t.ply")
+def test_an_empty_table_is_not_written(tmp_path):
     empty = table_of([0])
     empty = TaxelTable(*(getattr(empty, name)[:0] for name in empty.__slots__[:4]))
-    for write in (write_ply, write_icub):
-        with pytest.raises(OutputError, match="no taxel to write"):
-            write(empty, tmp_path / "t")
+    with pytest.raises(OutputError, match="no taxel to write"):
+        write_icub(empty, tmp_path / "t")
     assert list(tmp_path.iterdir()) == []

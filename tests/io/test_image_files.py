@@ -33,7 +33,7 @@ def test_images_come_back_as_they_were_written(tmp_path, rng):
         np.testing.assert_array_equal(np.asarray(picture), wanted.images[0])
 
 
-def test_folders_and_tables_of_pictures_are_read(tmp_path, rng):
+def test_folders_of_pictures_are_read(tmp_path, rng):
     for label in ("hand", "other"):
         (tmp_path / label).mkdir()
         for number in range(2):
@@ -42,11 +42,6 @@ def test_folders_and_tables_of_pictures_are_read(tmp_path, rng):
     found = read_images(tmp_path)
     assert found.images.shape == (4, 22, 38)
     assert found.labels.tolist() == ["hand", "hand", "other", "other"]
-    table = tmp_path / "set.csv"
-    table.write_text(
-        "image,label,touch\nhand/0.png,hand,a\nhand/1.png,hand,a\nother/0.png,other,b\n"
-    )
-    assert read_images(table).touches.tolist() == [0, 0, 1]
 
 
 @pytest.mark.parametrize(
@@ -70,13 +65,6 @@ def test_sets_that_are_none_are_refused(tmp_path):
         read_images(tmp_path / "nowhere")
     with pytest.raises(DataFormatError, match="no pictures"):
         read_images(tmp_path)
-    for text, match in (
-        ("image,kind\na.png,hand\n", "no column label"),
-        ("image,label\n", "no rows"),
-    ):
-        (tmp_path / "set.csv").write_text(text)
-        with pytest.raises(DataFormatError, match=match):
-            read_images(tmp_path / "set.csv")
     (tmp_path / "empty").mkdir()
     (tmp_path / "empty" / "hand").mkdir()
     (tmp_path / "empty" / "hand" / "0.png").write_bytes(b"")

@@ -82,7 +82,6 @@ def test_publisher_sends_contacts_until_they_are_over():
                 "area_least_m2": None,
                 "peak": 200.0,
                 "mean": 90.5,
-                "force_n": None,
                 "load": None,
                 "path_m": [[0.1, 0.2, 0.3]],
             }

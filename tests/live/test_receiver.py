@@ -64,16 +64,6 @@ def test_receiver_gives_all_that_came_in_order_and_then_nothing():
         receiver.read(60.0)
 
 
-def test_newest_gives_the_last_sample_and_counts_the_rest_as_dropped():
-    receiver, _ = received([block(1.0), block(2.0, 3.0)])
-    got = receiver.newest(5.0)
-    assert got.times.tolist() == [3.0]
-    assert receiver.newest(0.0) is None
-    assert receiver.counts == Counts(received=3, given=1, dropped=2)
-    assert receiver.dropped == 2
-    receiver.close()
-
-
 def test_receiver_keeps_within_its_bytes_and_drops_the_oldest():
     source = Scripted([block(float(step)) for step in range(100)])
     receiver = Receiver(source, most_bytes=10 * (WIDTH * 4 + 8 + OVERHEAD))

@@ -23,6 +23,7 @@ from viewer.drawing.body.bare_body import posed
 from viewer.drawing.panel.touch_list import caption, details
 from viewer.drawing.touches.outlines import Outline, outline_touch
 from viewer.drawing.touches.touch_marks import motion_way
+from viewer.drawing.touches.traces import touch_force
 from viewer.health import STATES
 from viewer.layers import Layer, Layers
 from viewer.playing.recent_moments import Timeline
@@ -179,7 +180,7 @@ class SampleWriter:
             "taxels": len(touch.taxels),
             "area_mm2": finite(1e6 * touch.area),
             "peak": finite(touch.peak),
-            "force": finite(touch.force),
+            "force": finite(touch_force(touch)),
             "about": details(touch, math.nan if moment is None else moment.time),
             "path": None if touch.path is None else np.asarray(touch.path[-60:]).round(4).tolist(),
             "ahead": None if way is None else (way[0] * way[1]).round(5).tolist(),

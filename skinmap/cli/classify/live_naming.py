@@ -44,7 +44,6 @@ if TYPE_CHECKING:
     from skinmap.live.contacts.named_touch import TouchEvent
     from skinmap.live.loop import TouchLoop
     from skinmap.live.moment import Moment
-    from skinmap.live.sources.source import Source
     from skinmap.recognition.answers import Answers
     from skinmap.touch.contacts.rest import Rest
     from skinmap.touch.load_calibration import LoadCalibration
@@ -88,10 +87,6 @@ def classify_live(
     # A recording that nobody follows is named as fast as it goes.
     speed = float("inf") if Path(spec).exists() and not publish else 1.0
     loaded, source = open_stream(spec, robot, parts, seed=seed, speed=speed)
-
-    def open_it(speed: float = speed) -> Source:
-        return open_source(spec, robot=loaded, parts=chosen, seed=seed, speed=speed)
-
     try:
         skins = {part: PreparedSkin(loaded.skin(part)) for part in source.info.parts}
         followed = is_live(source)
@@ -103,11 +98,11 @@ def classify_live(
             calibrations=load_calibrations(calibrations, skins) if calibrations else {},
             parts=chosen,
             skins=skins,
-            reopen=open_it,
             singly=not followed,  # so that it ends at the very sample
         )
         if not followed and Path(spec).exists():  # what lies there can be looked at before
-            with closing(open_it(float("inf"))) as ahead:
+            again = open_source(spec, robot=loaded, parts=chosen, speed=float("inf"))
+            with closing(again) as ahead:
                 loop.learn_rest(ahead, LEARN)
         _note_differences(classifier, loop)
         run = _Run(loop, spec, classifier.name, as_json=as_json)

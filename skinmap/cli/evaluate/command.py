@@ -126,8 +126,7 @@ def command(
     """Run an evaluation protocol and print its tables.
 
     IMAGES of --protocol baxter is a folder with a folder of pictures for each label (hand,
-    other), a folder of `skinmap export --format images`, its .npz, or a table (.csv) with the
-    columns image, label and perhaps touch.
+    other), a folder of `skinmap export --format images`, or its .npz.
 
     Results are the same whatever the jobs. With --resume FOLDER a run that was
     interrupted goes on where it ended.

@@ -241,7 +241,7 @@ class _WholeWrites:
 FORMAT = "skinmap-mcap-2"
 METADATA = "skinmap"
 REPAIRED = "repaired_lost_seconds"  # in the head of a file that was made from a damaged one
-TOUCHES, MOTION = "/skin/touches", "/skin/motion"  # texts of JSON: docs/recordings.md
+TOUCHES = "/skin/touches"  # texts of JSON: docs/recordings.md
 POINTS_HZ = 1.0  # clouds of all taxels: 16 bytes a taxel, which hardly compress
 TOPICS: dict[tuple[Kind, Number], str] = {
     ("raw", "UInt8"): "/skin/raw",
@@ -428,14 +428,6 @@ class McapRecording:
         """
         if self._view is not None:
             self._view.touches(nanoseconds_of(time), touches)
-
-    def add_motion(self, time: float, touches: Sequence[Mapping[str, Any]]) -> None:
-        """Write how touches move at the time of a sample [s], as docs/recordings.md has it."""
-        if MOTION not in self._ids:
-            with self._disk():
-                self._open(MOTION, "std_msgs/String", {})
-        text = json.dumps({"touches": list(touches)}, separators=(",", ":"))
-        self._message(MOTION, nanoseconds_of(time), text_message(text), 0)
 
     def mark(
         self,

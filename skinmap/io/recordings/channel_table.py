@@ -19,10 +19,8 @@ from numpy.typing import NDArray
 from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import (
-    DAMAGED_ARCHIVE,
     DataFormatError,
     InvalidArrayError,
-    SkinError,
     SkinWarning,
 )
 from skinmap.io.recordings.mapping import Mapping, needed_mapping
@@ -406,14 +404,9 @@ def read_arrays(path: Path) -> list[Recording]:
     """
     check_file(path, "an NPZ of channels over time", MAX_BYTES)
     mapping = needed_mapping(path)
-    try:
-        with open_arrays(path) as arrays:
-            found = {name: np.asarray(arrays[name]) for name in ARRAYS if name in arrays}
+    with open_arrays(path, "an NPZ of channels over time") as arrays:
+        found = {name: np.asarray(arrays[name]) for name in ARRAYS if name in arrays}
         return [recording_of(_table_of(found, mapping, path), mapping, path)]
-    except DAMAGED_ARCHIVE as error:
-        if isinstance(error, SkinError):
-            raise
-        raise DataFormatError(f"not an NPZ of channels over time: {error}", path) from error
 
 
 ARRAYS = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -17,7 +16,6 @@ from skinmap.io.text import check_file
 
 ARRAYS = "images.npz"
 PICTURES = (".png", ".bmp", ".tif", ".tiff", ".pgm", ".jpg", ".jpeg")
-COLUMNS = ("image", "label")  # of a table; a column `touch` may tell images of one touch
 NEED = "pictures need Pillow: pip install pillow"
 
 
@@ -68,8 +66,8 @@ def read_images(path: Path) -> LabelledImages:
     Parameters
     ----------
     path : Path
-        A folder that `write_images` wrote, its `images.npz`, a folder with one folder of pictures
-        for each label, or a table (.csv) with the columns image, label and perhaps touch.
+        A folder that `write_images` wrote, its `images.npz`, or a folder with one folder of
+        pictures for each label.
 
     Raises
     ------
@@ -77,16 +75,14 @@ def read_images(path: Path) -> LabelledImages:
         No such file, or images that are none.
     """
     if not path.exists():
-        raise MissingFileError(path, "a folder or table of contact images")
+        raise MissingFileError(path, "a folder of contact images")
     if path.is_dir() and (path / ARRAYS).exists():
         path = path / ARRAYS
     if path.is_dir():
         return _of_folders(path)
     if path.suffix.lower() == ".npz":
         return _of_arrays(path)
-    if path.suffix.lower() == ".csv":
-        return _of_table(path)
-    raise DataFormatError("contact images are a folder, a .csv or an .npz", path)
+    raise DataFormatError("contact images are a folder or an .npz", path)
 
 
 def _of_folders(path: Path) -> LabelledImages:
@@ -101,32 +97,7 @@ def _of_folders(path: Path) -> LabelledImages:
         raise DataFormatError(
             f"no pictures: a folder for each label (hand, other) or {ARRAYS} is expected", path
         )
-    return _checked(path, files, np.arange(len(files)))
-
-
-def _of_table(path: Path) -> LabelledImages:
-    check_file(path, "a table of contact images")
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.DictReader(file))
-    except (UnicodeDecodeError, csv.Error) as error:
-        raise DataFormatError(f"not a table: {str(error)[:200]}", path) from None
-    if not rows:
-        raise DataFormatError("the table has no rows", path)
-    missing = [name for name in COLUMNS if name not in rows[0]]
-    if missing:
-        have = ", ".join(filter(None, rows[0]))
-        raise DataFormatError(f"no column {', '.join(missing)}; the columns are: {have}", path)
-    files = []
-    for number, row in enumerate(rows, 2):
-        if not row["image"] or not row["label"]:
-            raise DataFormatError("a row without image or label", path, number)
-        files.append((path.parent / row["image"], row["label"]))
-    if "touch" in rows[0]:
-        _, touches = np.unique([row["touch"] or "" for row in rows], return_inverse=True)
-    else:
-        touches = np.arange(len(rows))
-    return _checked(path, files, touches)
+    return _checked(files)
 
 
 def _of_arrays(path: Path) -> LabelledImages:
@@ -158,9 +129,7 @@ def _of_arrays(path: Path) -> LabelledImages:
     return LabelledImages(images, labels, touches.astype(np.int64), parts.astype(str))
 
 
-def _checked(
-    path: Path, files: Sequence[tuple[Path, str]], touches: NDArray[np.int64]
-) -> LabelledImages:
+def _checked(files: Sequence[tuple[Path, str]]) -> LabelledImages:
     images = [_picture(one) for one, _ in files]
     for image, (one, _) in zip(images, files, strict=True):
         if image.shape != images[0].shape:
@@ -169,7 +138,9 @@ def _checked(
                 f"{here} pixels, {files[0][0].name} has {first}: images are of one size", one
             )
     labels = np.array([label for _, label in files])
-    return LabelledImages(np.stack(images), labels, touches, np.full(len(labels), ""))
+    return LabelledImages(
+        np.stack(images), labels, np.arange(len(labels)), np.full(len(labels), "")
+    )
 
 
 def _picture(path: Path) -> NDArray[np.uint8]:

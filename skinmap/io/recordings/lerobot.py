@@ -52,8 +52,7 @@ def write_lerobot(track: RecordedStream, folder: Path) -> None:
     fps = round(track.info.rate)
     if any(touch.motion is not None for touch in track.touches):
         warnings.warn(
-            "a LeRobot data set does not keep the true motion of touches, .mcap, .npz, .h5 and "
-            "Zarr do",
+            "a LeRobot data set does not keep the true motion of touches, .mcap and .npz do",
             SkinWarning,
             stacklevel=2,
         )

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from skinmap.archive import open_arrays
 from skinmap.errors import (
-    DAMAGED_ARCHIVE,
     DataFormatError,
     InvalidArrayError,
     MissingFileError,
@@ -88,16 +87,11 @@ def _load_npz(path: Path) -> list[Recording]:
     """What `save_recordings` or `skinmap export` wrote."""
     from skinmap.io.recordings.learning import track_of_arrays
 
-    try:
-        with open_arrays(path) as arrays:
-            if "about" in arrays:
-                return recordings_of(track_of_arrays(arrays, path), path)
-            if "head" not in arrays:
-                raise DataFormatError(f"not a Skinmap recording: {arrays.files[:4]}. {HOW}", path)
-    except DAMAGED_ARCHIVE as error:
-        if isinstance(error, DataFormatError):
-            raise
-        raise DataFormatError(f"not a Skinmap recording: {error}", path) from error
+    with open_arrays(path, "a Skinmap recording") as arrays:
+        if "about" in arrays:
+            return recordings_of(track_of_arrays(arrays, path), path)
+        if "head" not in arrays:
+            raise DataFormatError(f"not a Skinmap recording: {arrays.files[:4]}. {HOW}", path)
     return archive.load_recordings(path)
 
 

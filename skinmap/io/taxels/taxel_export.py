@@ -162,36 +162,6 @@ def _xml_name(name: str) -> str:
     return name
 
 
-def write_ply(table: TaxelTable, path: Path) -> None:
-    """Write a point cloud (binary PLY): x y z nx ny nz in double, channel and module in int.
-
-    Raises
-    ------
-    OutputError
-        No taxel, or a channel or module beyond 32 bits.
-    """
-    _check_not_empty(table)
-    if max(table.channels.max(), np.abs(table.modules).max()) > np.iinfo(np.int32).max:
-        raise OutputError("a PLY file holds channels and modules of 32 bits; write csv")
-    places = ("x", "y", "z", "nx", "ny", "nz")
-    kinds = [(name, "<f8") for name in places] + [("channel", "<i4"), ("module", "<i4")]
-    rows = np.zeros(len(table), kinds)
-    for name, values in zip(places, (*table.positions.T, *table.normals.T), strict=True):
-        rows[name] = values
-    rows["channel"], rows["module"] = table.channels, table.modules
-    header = [
-        "ply",
-        "format binary_little_endian 1.0",
-        "comment taxels in metres",
-        f"element vertex {len(table)}",
-        *(f"property double {name}" for name in places),
-        "property int channel",
-        "property int module",
-        "end_header",
-    ]
-    path.write_bytes("\n".join(header).encode("ascii") + b"\n" + rows.tobytes())
-
-
 def _check_not_empty(table: TaxelTable) -> None:
     if len(table) == 0:
         raise OutputError("no taxel to write")

@@ -75,8 +75,8 @@ class ContactTracker:
         """Contacts felt in the last sample, the oldest first."""
         return [track for track in self.tracks if len(track.taxels)]
 
-    def update(self, time: float, pressures: FloatArray, forces: FloatArray | None = None) -> None:
-        """Take the next sample: pressures (N,) [counts] and, where known, forces (N,) [N].
+    def update(self, time: float, pressures: FloatArray) -> None:
+        """Take the next sample: pressures (N,) [counts].
 
         Measures are taken 250 times a second at most, numbers are given in every sample.
         """
@@ -98,7 +98,7 @@ class ContactTracker:
         fresh = any(track.stroke is None for track in self.tracks)
         if fresh or not self._measured <= time < self._measured + MEASURES:
             self._measured = time
-            self._measure(time, pressures, forces)
+            self._measure(time, pressures)
         else:
             for track in self.tracks:
                 if len(track.taxels):
@@ -288,7 +288,7 @@ class ContactTracker:
         self._owner = keep[self._owner + 1]
         self._owner[index] = held
 
-    def _measure(self, time: float, pressures: FloatArray, forces: FloatArray | None) -> None:
+    def _measure(self, time: float, pressures: FloatArray) -> None:
         rows = [number for number, track in enumerate(self.tracks) if len(track.taxels)]
         if not rows:
             return
@@ -297,14 +297,7 @@ class ContactTracker:
         index, own = self._index, self._row
         if own.min() < 0:  # pieces that parted just now are nobody's yet
             index, own = index[own >= 0], own[own >= 0]
-        found = measure(
-            self.skin,
-            index,
-            label[own],
-            len(rows),
-            pressures[index],
-            None if forces is None else forces[index],
-        )
+        found = measure(self.skin, index, label[own], len(rows), pressures[index])
         for place, number in enumerate(rows):
             if self.tracks[number].note(found, place, time, self._walker):
                 self._tell("motion", self.tracks[number], time)

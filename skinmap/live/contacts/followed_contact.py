@@ -47,8 +47,8 @@ class Track:
     taxels : (k,) int
         In the numbering of `JoinedSkin`.
     centre, normal : (3,) float
-    area, area_least, load, peak, mean, force : float
-        As measured last; force is NaN where nobody knows.
+    area, area_least, load, peak, mean : float
+        As measured last.
     stroke : Stroke
     heaviest : float
         Its load at its largest.
@@ -78,7 +78,6 @@ class Track:
     load: float = 0.0
     peak: float = 0.0
     mean: float = 0.0
-    force: float = float("nan")
     stroke: Stroke | None = None
     heaviest: float = 0.0
     touch: int = -1
@@ -95,8 +94,6 @@ class Track:
         self.area, self.area_least = float(found.area[place]), float(found.area_least[place])
         self.load = float(found.load[place])
         self.peak, self.mean = float(found.peak[place]), float(found.mean[place])
-        if found.force is not None:
-            self.force = float(found.force[place])
         face = int(found.face[place])
         grown = False
         if self.stroke is None or time - self.began < SETTLED:

@@ -61,8 +61,6 @@ class NamedTouch(_Answered):
         Skin that feels the touch, and the least of it that is covered [m2].
     peak, mean : float
         Largest and mean pressure of its taxels [counts].
-    force : float or None
-        [N], where the response is calibrated by loads.
     path : (p, 3) float or None
         Where its centre has been, oldest first, along the surface, in the link's frame [m].
     motion : Motion or None
@@ -91,7 +89,6 @@ class NamedTouch(_Answered):
     area: float = float("nan")
     peak: float = float("nan")
     mean: float = float("nan")
-    force: float | None = None
     path: FloatArray | None = None
     motion: Motion | None = None
     answers: Answers | None = None

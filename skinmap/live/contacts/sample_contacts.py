@@ -35,8 +35,6 @@ class Measured:
         Sum of the taxels' areas, and the least of it that is covered [m2].
     load, peak, mean : (c,) float
         Sum, largest and mean of the pressures [counts].
-    force : (c,) float or None
-        [N]; None where nobody knows.
     """
 
     centre: FloatArray
@@ -47,7 +45,6 @@ class Measured:
     load: FloatArray
     peak: FloatArray
     mean: FloatArray
-    force: FloatArray | None
 
 
 class Components:
@@ -137,7 +134,6 @@ def measure(
     label: IntArray,
     count: int,
     pressures: FloatArray,
-    forces: FloatArray | None = None,
 ) -> Measured:
     """Measures of `count` contacts.
 
@@ -150,8 +146,6 @@ def measure(
         Contact of each, 0 to count - 1; every contact has a taxel.
     pressures : (k,) float
         Of these taxels, above 0 [counts].
-    forces : (k,) float, optional
-        [N].
     """
     points = skin.positions[index]
     load = _sums(label, pressures, count)
@@ -181,7 +175,6 @@ def measure(
         load,
         peak,
         load / np.bincount(label, minlength=count),
-        None if forces is None else _sums(label, forces, count),
     )
 
 

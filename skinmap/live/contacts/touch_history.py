@@ -288,7 +288,6 @@ class TouchBook:
         start = self.skin.starts[lead.part]
         rows = [one.taxels for one in members]
         taxels = (rows[0] if len(rows) == 1 else np.sort(np.concatenate(rows))) - start
-        force = sum(one.force for one in members)
         return NamedTouch(
             self.skin.parts[lead.part],
             taxels,
@@ -301,7 +300,6 @@ class TouchBook:
             sum(one.area for one in members),
             max(one.peak for one in members),
             sum(one.load for one in members) / len(taxels),
-            None if force != force else force,  # NaN: nobody knows
             None if lead.stroke is None else lead.stroke.points,
             _answered(motion, name),
             name.answers,

@@ -9,7 +9,6 @@ import time
 import warnings
 from collections.abc import Sequence
 from contextlib import suppress
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -36,7 +35,15 @@ from skinmap.live.network.lsl_settings import (
 )
 from skinmap.live.publishing.publish import Publisher, Topic
 from skinmap.live.sources.receiver import SILENT, follow
-from skinmap.live.sources.source import MAX_BLOCK, Block, Source, StreamInfo, check_skin, skin_of
+from skinmap.live.sources.source import (
+    MAX_BLOCK,
+    Block,
+    Source,
+    StreamInfo,
+    check_skin,
+    of_robot,
+    skin_of,
+)
 from skinmap.skin.robot import Robot
 
 WAIT = 2.0  # for a stream of that name [s]
@@ -157,7 +164,8 @@ class LslSource(Source):
         try:
             info = read_description(inlet.info(ANSWER))
             if self._robot is not None:
-                info = self._placed(info, self._robot)
+                if info.parts == (ALL,) and ALL not in self._robot.parts:
+                    info = of_robot(info, self._robot, self._parts)
                 check_skin(info, self._robot)
             inlet.open_stream(ANSWER)
         except (lsl.util.TimeoutError, lsl.util.LostError) as error:
@@ -169,22 +177,6 @@ class LslSource(Source):
             with suppress(RuntimeError):  # no answer in time: it is asked again
                 self._offset = inlet.time_correction(CORRECT)
         return inlet, info
-
-    def _placed(self, info: StreamInfo, robot: Robot) -> StreamInfo:
-        """A stream that names no part is of the one asked for, or the only one of its width."""
-        if info.parts != (ALL,) or ALL in robot.parts:
-            return info
-        asked = self._parts or robot.parts
-        fitting = [part for part in asked if part not in robot.parts
-                   or len(robot.skin(part)) == info.channels]  # fmt: skip
-        if len(fitting) != 1:
-            several = f"{', '.join(fitting)} have so many: give --part"
-            none = f"none of {', '.join(asked)} has so many"
-            raise SkinMismatchError(
-                f"LSL stream {info.name!r} names no part and has {info.channels} channels; "
-                f"{several if fitting else none}"
-            )
-        return replace(info, parts=(fitting[0],))
 
     def _reconnect(self) -> bool:
         """Look once for a stream of the same name and skin."""

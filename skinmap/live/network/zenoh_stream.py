@@ -24,7 +24,6 @@ from skinmap.errors import (
     InvalidArrayError,
     MessageError,
     OutputError,
-    SkinMismatchError,
     UnknownNameError,
     UnreachableError,
 )
@@ -44,7 +43,7 @@ from skinmap.live.sources.source import (
     SourceEnded,
     StreamInfo,
     check_skin,
-    describe_skins,
+    of_robot,
 )
 from skinmap.skin.robot import Robot
 
@@ -322,7 +321,7 @@ class ZenohSource(Source):
         _, kind, message, _ = self._first(self._came, wait)
         _, values = values_of(kind, message, self._where.field)
         info = StreamInfo(self._where.topic, ("all",), (len(values),), 0.0, "raw", clock="sender")
-        return info if robot is None else _of_robot(info, robot, parts)
+        return info if robot is None else of_robot(info, robot, parts, "values")
 
     def _first(self, came: queue.Queue[Came], wait: float) -> Came:
         where = self._where
@@ -373,24 +372,6 @@ def _beside(attachment: bytes) -> tuple[int, int, bytes]:
         return 0, 0, b""
     number, sent, _, sender = ATTACHMENT.unpack(attachment)
     return number, sent, sender
-
-
-def _of_robot(info: StreamInfo, robot: Robot, parts: Sequence[str] | None) -> StreamInfo:
-    """The stream as that of some parts of a robot, by its number of values."""
-    wanted = tuple(parts or robot.parts)
-    widths = {part: len(robot.skin(part)) for part in wanted}
-    alone = [part for part, width in widths.items() if width == info.channels]
-    if sum(widths.values()) == info.channels:
-        chosen = wanted
-    elif len(alone) == 1:
-        chosen = (alone[0],)
-    else:
-        raise SkinMismatchError(
-            f"{info.name} has {info.channels} values; {', '.join(wanted)} of {robot.name} have "
-            f"{sum(widths.values())} taxels together: choose one by --part"
-        )
-    skins = [robot.skin(part) for part in chosen]
-    return describe_skins(info.name, robot.name, skins, info.rate, info.kind, info.clock)
 
 
 def open_zenoh(

@@ -246,7 +246,6 @@ def contacts_json(moment: Moment) -> str:
             "area_least_m2": _number(one.area_least),
             "peak": _number(one.peak),
             "mean": _number(one.mean),
-            "force_n": None if one.force is None else _number(one.force),
             "load": None if one.load is None else one.load.plain(),
             "path_m": None if one.path is None else [_numbers(row) for row in one.path],
         }

@@ -212,10 +212,6 @@ class Recorder:
         """Queue markers of what touches at a time [s]."""
         self._jobs.put(lambda file: file.show_touches(time, touches), 0, patience=0.0)
 
-    def put_motion(self, time: float, touches: Sequence[Mapping[str, Any]]) -> None:
-        """Queue how touches move (see `McapRecording.add_motion`)."""
-        self._jobs.put(lambda file: file.add_motion(time, touches), 0, patience=0.0)
-
     def put_angles(self, time: float, angles: Mapping[str, float]) -> None:
         """Queue joint angles [rad]."""
         content = dict(angles)

@@ -57,7 +57,7 @@ class PartResponse:
     Parameters
     ----------
     response : Response
-        A dataclass with a `gain` answers in loads [N]; counts are the answers of the same without.
+        Of a dataclass with a `gain` the counts are taken: what the same answers without.
     rate : float
         Samples a second of the stream, 0 where unknown.
 
@@ -72,8 +72,8 @@ class PartResponse:
         counts = response if gain is None else dataclasses.replace(response, gain=None)
         self.health = getattr(response, "health", np.zeros(0, np.str_))
         self._response, self._gain = response, gain
-        self._counts = _tracked(counts, rate)
-        self._loads = None if gain is None else _tracked(response, rate)
+        extra = {"tracker": counts.track(rate or None)} if hasattr(counts, "track") else {}
+        self._counts = partial(counts.apply, **extra)
 
     def levels(self, row: int) -> dict[str, float]:
         """Raw value at rest of a taxel, and its mean gain over the loads it was calibrated with."""
@@ -86,17 +86,10 @@ class PartResponse:
             found |= {"gain": gain} if gain == gain else {}
         return found
 
-    def apply(self, samples: NDArray[Any]) -> tuple[FloatArray, FloatArray | None]:
-        """Pressures (t, n) in counts, and loads (t, n) [N] where calibrated."""
-        block = np.asarray(samples, np.float64)
-        counts = np.clip(np.asarray(self._counts(block), np.float64), 0.0, 255.0)
-        return counts, None if self._loads is None else np.asarray(self._loads(block), np.float64)
-
-
-def _tracked(response: Any, rate: float) -> Callable[[FloatArray], FloatArray]:
-    """What applies a response, with the tracker that it has."""
-    extra = {"tracker": response.track(rate or None)} if hasattr(response, "track") else {}
-    return partial(response.apply, **extra)
+    def apply(self, samples: NDArray[Any]) -> FloatArray:
+        """Pressures (t, n) in counts."""
+        found = self._counts(np.asarray(samples, np.float64))
+        return np.clip(np.asarray(found, np.float64), 0.0, 255.0)
 
 
 class RestBaseline:
@@ -316,27 +309,19 @@ class Responses:
             return {}
         return {"raw at rest": float(self._baseline.baseline[place[0]])}
 
-    def apply(self, samples: NDArray[Any]) -> tuple[NDArray[Any], FloatArray | None]:
-        """Pressures (t, N) [counts] and forces (t, N) [N] for samples (t, N) in dense rows.
-
-        Forces are None where no part is calibrated by loads, NaN for parts that are not.
-        """
+    def apply(self, samples: NDArray[Any]) -> NDArray[Any]:
+        """Pressures (t, N) [counts] for samples (t, N) in dense rows."""
         if not self._raw:
-            return np.asarray(samples, np.float64), None
+            return np.asarray(samples, np.float64)
         if self._baseline is not None and not self._own:
-            return self._baseline.apply(samples), None
+            return self._baseline.apply(samples)
         pressures = np.zeros(samples.shape)
-        forces: FloatArray | None = None
         if self._baseline is not None:
             pressures[:, self._rest] = self._baseline.apply(samples[:, self._rest])
         for part, response in self._own.items():
             rows = self._skin.slices[part]
-            pressures[:, rows], loads = response.apply(samples[:, rows])
-            if loads is not None:
-                if forces is None:
-                    forces = np.full(samples.shape, np.nan)
-                forces[:, rows] = loads
-        return pressures, forces
+            pressures[:, rows] = response.apply(samples[:, rows])
+        return pressures
 
 
 def _warn_of_rate(response: Any, rate: float, part: str) -> None:

@@ -1,15 +1,12 @@
-"""Blocks from a source that may fall silent, die and come back."""
+"""Blocks from a source that may fall silent and come back."""
 
 from __future__ import annotations
 
-import logging
 import time
 from collections import deque
-from collections.abc import Callable
 
 import numpy as np
 
-from skinmap.errors import SkinMismatchError, UnreachableError
 from skinmap.live.sources.source import (
     SIMULATION,
     Block,
@@ -17,27 +14,20 @@ from skinmap.live.sources.source import (
     Source,
     StreamInfo,
     as_source,
-    check_skin,
 )
-from skinmap.skin.robot import Robot
 
 STALE = 0.5  # seconds without a sample that are shown; a source slower than that has three periods
-RETRY = 0.5  # between two tries to open a dead source again [s]
 ARRIVALS = 64  # blocks that the present rate is taken from
-logger = logging.getLogger(__name__)
 
 
 class Feed:
-    """Reads a source, notices that nothing comes, and opens it again where it died.
+    """Reads a source and notices that nothing comes.
 
     Parameters
     ----------
-    robot : Robot
     source : Source
     counts : Counts
         That it adds to.
-    reopen : callable, optional
-        Opens the source again where it died for good.
 
     Attributes
     ----------
@@ -47,23 +37,14 @@ class Feed:
         `perf_counter` when the newest sample came [s].
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        source: Source,
-        counts: Counts,
-        reopen: Callable[[], Source] | None = None,
-    ) -> None:
-        self.source = as_source(source)
-        self._robot, self._counts, self._reopen = robot, counts, reopen
+    def __init__(self, source: Source, counts: Counts) -> None:
+        self.source, self._counts = as_source(source), counts
         self.stale = False
         self.arrived = time.perf_counter()
         self._heard = float("nan")  # until somebody listens
         self._arrivals: deque[tuple[float, int]] = deque(maxlen=ARRIVALS)
         self._came = 0
         self._speed = 1.0  # that the arrivals were at
-        self._dead = False
-        self._next_try = 0.0
 
     @property
     def info(self) -> StreamInfo:
@@ -88,24 +69,13 @@ class Feed:
         SourceEnded
             A recording is over.
         UnreachableError
-            The source died, and nobody said how to open it again.
-        SkinMismatchError
-            It came back with another skin.
+            The source died for good.
         """
-        if self._dead and not self._revive(timeout):
-            return None
         if np.isnan(self._heard):
             self._heard = time.perf_counter()
         until_stale = self._heard + self._patience() - time.perf_counter()
         wait = timeout if self.stale else min(timeout, max(until_stale, 0.0))
-        try:
-            block = self.source.read(wait)
-        except UnreachableError:
-            if self._reopen is None:
-                raise
-            logger.warning("source %r died; trying to open it again", self.info.name)
-            self._dead, self._next_try = True, 0.0
-            return None
+        block = self.source.read(wait)
         if block is not None:
             self.stale = False
             if self.source.speed != self._speed:
@@ -118,33 +88,10 @@ class Feed:
 
     def falls_silent(self) -> bool:
         """Whether nothing has come for too long, told once."""
-        if self.stale:
-            return False
-        if not self._dead and time.perf_counter() - self._heard < self._patience():
+        if self.stale or time.perf_counter() - self._heard < self._patience():
             return False
         self.stale = True
         self._counts.stale += self._came > 0  # what has not begun is not interrupted
-        return True
-
-    def _revive(self, timeout: float) -> bool:
-        """Open a dead source again, no more than twice a second."""
-        wait = self._next_try - time.perf_counter()
-        if wait > 0:
-            time.sleep(min(wait, timeout))
-            if wait > timeout:
-                return False
-        self._next_try = time.perf_counter() + RETRY
-        self.source.close()
-        try:
-            source = self.source if self._reopen is None else as_source(self._reopen())
-        except UnreachableError:
-            return False
-        if (source.info.parts, source.info.widths) != (self.info.parts, self.info.widths):
-            source.close()
-            raise SkinMismatchError(f"stream {source.info.name!r} came back with another skin")
-        check_skin(source.info, self._robot)
-        self.source, self._dead = source, False
-        self._counts.reconnects += 1
         return True
 
     def _patience(self) -> float:

@@ -2,38 +2,26 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.errors import (
-    DataFormatError,
-    MissingFileError,
-    SkinMismatchError,
-    SkinWarning,
-    UnknownNameError,
-    check_kind,
-)
+from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError, check_kind
 from skinmap.io.recordings.recorded_stream import (
     Kind,
     RecordedStream,
     Samples,
-    StreamInfo,
     warn_of_loss,
 )
 from skinmap.io.recordings.touch_files import FOREIGN
 from skinmap.io.ros2.bag import is_bag, mapping_of, read_bag
 from skinmap.live.sources.playback import Playback
-from skinmap.live.sources.source import check_skin
+from skinmap.live.sources.source import check_skin, describe_skins
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin import fingerprint
-from skinmap.touch.recording import Recording
 
-SAME_RATE = 0.01  # share by which the rates of parts may differ that are played together
+TOUCHES = (".npz", *FOREIGN)  # recordings of dense taxels
 FORMATS = (
     ".mcap", ".npz", ".xdf", ".xdfz", "data.log", "a folder of data.log files", "a bag of ROS 2",
     *(f"{suffix} with a mapping" for suffix in FOREIGN),
@@ -91,14 +79,21 @@ def open_recording(
     True
     """
     path = Path(path)
-    if path.suffix.lower() == ".npz" or path.suffix.lower() in FOREIGN:
-        return _open_touches(path, robot, parts, speed=speed, loop=loop)
-    track = warn_of_loss(open_track(path, robot=robot, kind=kind), path)
+    track = warn_of_loss(open_track(path, robot=robot, kind=kind, parts=parts), path)
     info, values = track.info, track.values
     if parts is not None:
         info, columns = info.only(parts)
         values = _Columns(track.values, columns)
-    if robot is not None:
+    if robot is not None and path.suffix.lower() in TOUCHES:
+        skins = [robot.skin(part) for part in info.parts]
+        for part, width, skin in zip(info.parts, info.widths, skins, strict=True):
+            if width != len(skin):
+                raise SkinMismatchError(
+                    f"{path}: {width} taxels on {part!r}, that of {robot.name!r} has {len(skin)}"
+                )
+        check_skin(info, robot)
+        info = describe_skins(info.name, robot.name, skins, info.rate, info.kind, info.clock)
+    elif robot is not None:
         check_skin(info, robot)
     return Playback(
         info,
@@ -114,7 +109,11 @@ def open_recording(
 
 
 def open_track(
-    path: Path, *, robot: Robot | None = None, kind: Kind | None = None
+    path: Path,
+    *,
+    robot: Robot | None = None,
+    kind: Kind | None = None,
+    parts: Sequence[str] | None = None,
 ) -> RecordedStream:
     """Read a recording in the format that its name says.
 
@@ -124,6 +123,8 @@ def open_track(
     robot : Robot, optional
         Whose parts the files of a dumper's folder, or the streams of an XDF file, are.
     kind : {"raw", "pressure"}, optional
+    parts : sequence of str, optional
+        Of recordings one beside the other, only these need to fit in time.
 
     Raises
     ------
@@ -139,10 +140,11 @@ def open_track(
         from skinmap.io.mcap.reading import read_track
 
         return read_track(path, kind=kind)
-    if suffix in FOREIGN or suffix == ".npz":
+    if suffix in TOUCHES:
         from skinmap.io.recordings.touch_files import read_recordings, track_of
 
-        return track_of(read_recordings(path), path)
+        found = read_recordings(path)
+        return track_of([one for one in found if one.part in (parts or ())] or found, path)
     if path.is_dir() or suffix == ".log":
         from skinmap.io.recordings.dumper import read_dump
 
@@ -166,59 +168,3 @@ class _Columns:
 
     def __getitem__(self, rows: slice) -> NDArray[Any]:
         return self._values[rows][:, self._columns]
-
-
-def _open_touches(
-    path: Path, robot: Robot | None, parts: Sequence[str] | None, *, speed: float, loop: bool
-) -> Playback:
-    """Play what `skinmap simulate` wrote: all parts begin together, a short one rests at zero."""
-    from skinmap.io.recordings.touch_files import read_recordings
-
-    there = {recording.part: recording for recording in read_recordings(path)}
-    for part in parts or ():
-        if part not in there:
-            raise UnknownNameError(f"part in {path}", part, there)
-    chosen = [there[part] for part in (parts or there)]
-    if not chosen:
-        raise DataFormatError("no recording in it", path)
-    longest = max(chosen, key=lambda one: len(one.times))
-    rate = _rate(longest)
-    if len(longest.times) == 0:
-        warnings.warn(f"{path.name}: no samples", SkinWarning, stacklevel=3)
-    for one in chosen:
-        if robot is not None and one.pressures.shape[1] != len(robot.skin(one.part)):
-            raise SkinMismatchError(
-                f"{path}: {one.pressures.shape[1]} taxels on {one.part!r}, that of "
-                f"{robot.name!r} has {len(robot.skin(one.part))}"
-            )
-        if len(one.times) > 1 and abs(_rate(one) - rate) > SAME_RATE * rate:
-            raise DataFormatError(
-                f"parts of several rates do not play together: {one.part!r} has {_rate(one):.6g} "
-                f"samples a second, {longest.part!r} {rate:.6g}; choose parts",
-                path,
-            )
-    widths = tuple(one.pressures.shape[1] for one in chosen)
-    values = np.zeros((len(longest.times), sum(widths)), np.uint8)
-    start = 0
-    for one, width in zip(chosen, widths, strict=True):
-        values[: len(one.pressures), start : start + width] = one.pressures
-        start += width
-    info = StreamInfo(
-        path.name,
-        tuple(one.part for one in chosen),
-        widths,
-        rate,
-        robot="" if robot is None else robot.name,
-        fingerprints=(
-            {} if robot is None else {one.part: fingerprint(robot.skin(one.part)) for one in chosen}
-        ),
-    )
-    return Playback(info, longest.times, values, speed=speed, loop=loop)
-
-
-def _rate(recording: Recording) -> float:
-    """Samples a second; 0 where one sample or none tells nothing."""
-    if len(recording.times) < 2:
-        return 0.0
-    step = float(np.median(np.diff(recording.times)))
-    return 1.0 / step if step > 0 else 0.0

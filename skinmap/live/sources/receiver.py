@@ -92,8 +92,7 @@ class Receiver(Relay):
     Notes
     -----
     Samples are handed on as they came: who uses them looks at them (`SampleChecks`).
-    `read` gives all that was kept, `newest` the last sample alone. What a source raises is raised
-    again by whoever reads.
+    `read` gives all that was kept. What a source raises is raised again by whoever reads.
 
     Examples
     --------
@@ -129,12 +128,6 @@ class Receiver(Relay):
         return counts
 
     @property
-    def dropped(self) -> int:
-        """Samples left out because they were not used in time, or lost on the way."""
-        counts = self.counts
-        return counts.dropped + counts.lost
-
-    @property
     def last_seen(self) -> float:
         """`time.perf_counter()` of the last sign of life.
 
@@ -162,15 +155,6 @@ class Receiver(Relay):
             np.concatenate([block.values for block in blocks]),
             blocks[-1].arrived,
         )
-
-    def newest(self, timeout: float) -> Block | None:
-        """The last sample alone; those before it count as dropped."""
-        blocks = self._kept.take_all(timeout)
-        if not blocks:
-            return None
-        self._count(given=1, dropped=sum(map(len, blocks)) - 1)
-        last = blocks[-1]
-        return last if len(last) == 1 else Block(last.times[-1:], last.values[-1:], last.arrived)
 
     def close(self) -> None:
         """Stop the thread and close the source; may be called twice."""

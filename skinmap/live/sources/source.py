@@ -17,7 +17,7 @@ from __future__ import annotations
 import math
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -457,6 +457,30 @@ def describe_skins(
     widths = tuple(map(len, known.values()))
     prints = {part: fingerprint(skin) for part, skin in known.items()}
     return StreamInfo(name, tuple(known), widths, rate, kind, robot, prints, clock)
+
+
+def of_robot(
+    info: StreamInfo, robot: Robot, parts: Sequence[str] | None, what: str = "channels"
+) -> StreamInfo:
+    """A stream that names no part, as that of all parts asked for, or of the only one of its width.
+
+    Raises
+    ------
+    SkinMismatchError
+        None or several have so many taxels.
+    """
+    asked = {part: robot.skin(part) for part in parts or robot.parts}
+    fitting = [part for part, skin in asked.items() if len(skin) == info.channels]
+    together = sum(map(len, asked.values())) == info.channels
+    if not together and len(fitting) != 1:
+        several = f"{', '.join(fitting)} have so many: give --part"
+        none = f"none of {', '.join(asked)} has so many"
+        raise SkinMismatchError(
+            f"stream {info.name!r} names no part and has {info.channels} {what}; "
+            f"{several if fitting else none}"
+        )
+    skins = [asked[part] for part in (asked if together else fitting)]
+    return describe_skins(info.name, robot.name, skins, info.rate, info.kind, info.clock)
 
 
 def skin_of(info: StreamInfo) -> tuple[object, ...]:

@@ -106,14 +106,6 @@ def load_model() -> bytes:
     ).to_bytes()  # fmt: skip
 
 
-def picture() -> bytes:
-    from PIL import Image
-
-    buffer = io.BytesIO()
-    Image.fromarray(np.full((3, 4), 9, np.uint8)).save(buffer, "PNG")
-    return buffer.getvalue()
-
-
 def recording() -> bytes:
     events = np.repeat([-1, 0, 1], SAMPLES // 3)
     owners = np.full((2, N), -1)
@@ -444,7 +436,5 @@ TARGETS = [
     *both("images", "i.npz",
           lambda: [zipped(images=np.full((2, 3, 4), 9, np.uint8), labels=np.array(["a", "b"]))],
           read_images, ("skinmap.io.recordings.image_files.read_images",)),
-    Target("images-csv", "i.csv", lambda: [b"image,label\na.png,poke\na.png,pat\n"], read_images,
-           (), {"a.png": picture}),
     Target("samples-npy", "s.npy", lambda: [npy()], lambda p: read_arrays(p, "samples")),
 ]  # fmt: skip

@@ -46,9 +46,9 @@ def test_a_touch_in_words_leaves_out_what_is_not_known():
     assert caption(made(confidence=0.914)) == "full hand 91 %"
     assert caption(made(confidence=float("nan"))) == "full hand"
     assert details(made(confidence=0.9), 3.0) == ["left arm"]
-    full = made(confidence=0.9, area=1.234e-3, peak=99.6, began=1.5, force=2.25)
-    assert details(full, 3.0) == ["left arm", "1,234 mm\u00b2", "peak 100", "2.2 N", "1.5 s"]
-    assert details(full, float("nan"))[-1] == "2.2 N"
+    full = made(confidence=0.9, area=1.234e-3, peak=99.6, began=1.5)
+    assert details(full, 3.0) == ["left arm", "1,234 mm\u00b2", "peak 100", "1.5 s"]
+    assert details(full, float("nan"))[-1] == "peak 100"
 
 
 def test_touch_of_a_calibrated_part_has_its_force_with_an_interval():

@@ -137,8 +137,6 @@ def details(touch: NamedTouch, time: float) -> list[str]:
         words.append(covered(touch))
     if touch.load is None and known(touch.peak):
         words.append(f"peak {touch.peak:.0f}")
-    if touch.load is None and known(touch.force):
-        words.append(f"{touch.force:.1f} N")
     if known(time - touch.began):
         words.append(f"{max(time - touch.began, 0.0):.1f} s")
     motion = touch.motion

@@ -78,10 +78,10 @@ def courses(
 
 
 def touch_force(touch: NamedTouch) -> float:
-    """[N], by the load calibration of its part or the response of its taxels; NaN without."""
+    """[N], by the load calibration of its part; NaN without."""
     if touch.load is not None and not touch.load.refused:
         return float(touch.load.force.value)
-    return math.nan if touch.force is None else touch.force
+    return math.nan
 
 
 @dataclass(frozen=True, eq=False, slots=True)
