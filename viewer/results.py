@@ -120,8 +120,8 @@ class ScoreRow:
         Share of touches named right.
     touches
         Number of tested touches.
-    per_label, per_part
-        The accuracy by gesture and by part.
+    per_label
+        The accuracy by gesture.
     """
 
     classifier: str
@@ -129,26 +129,6 @@ class ScoreRow:
     accuracy: float
     touches: int
     per_label: Mapping[str, float]
-    per_part: Mapping[str, float]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class DemoSeconds:
-    """Times of the demo.
-
-    Attributes
-    ----------
-    analysis
-        Meshing, flattening, training and testing.
-    pictures
-        Pictures and the movie.
-    total
-        Time of the whole demo.
-    """
-
-    analysis: float
-    pictures: float
-    total: float
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -190,7 +170,7 @@ class DemoResult:
     files
         Names of the files inside `--out`.
     seconds
-        Times of the demo.
+        Time of the whole demo.
     """
 
     robot: str
@@ -209,7 +189,7 @@ class DemoResult:
     table: list[ScoreRow]
     seed: int
     files: list[str]
-    seconds: DemoSeconds
+    seconds: float
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
