@@ -154,7 +154,7 @@ class Scene:
             data = Layers({p: PreparedSkin.of(meshes[p], flat_maps.get(p)) for p in shown})
         self.data = data
         self.layer: Layer = data.get(layer)
-        self.style = check_style(style)
+        self.style: str = check_style(style)
         sizes = {part: len(one.skin) for part, one in self.layers.items()}
         self.moment = Moment(float("nan"), {part: np.zeros(n) for part, n in sizes.items()})
         self.touches: tuple[NamedTouch, ...] = ()
