@@ -5,7 +5,6 @@ from viewer.export.html_page import write_html as write_html
 from viewer.export.movie import write_movie as write_movie
 from viewer.layers import Layers as Layers
 from viewer.playing.player import Player as Player
-from viewer.playing.player import stepwise as stepwise
 from viewer.scene import Scene as Scene
 from viewer.web.server import serve as serve
 from viewer.window import play as play
@@ -16,7 +15,6 @@ __all__ = [
     "Scene",
     "play",
     "serve",
-    "stepwise",
     "write_gltf",
     "write_html",
     "write_movie",

@@ -118,15 +118,12 @@ def repeated(colours: Sequence[str], counts: Sequence[int]) -> NDArray[np.uint8]
     return np.repeat(steps(colours)[:, :3], np.array(counts, np.int64), axis=0)
 
 
-def ramp(stops_: Sequence[tuple[float, str]], n: int = 256) -> NDArray[np.uint8]:
+def ramp(stops: Sequence[tuple[float, str]], n: int = 256) -> NDArray[np.uint8]:
     """(n, 4) table of red, green, blue and opacity through stops (place, colour)."""
-    places = np.array([place for place, _ in stops_])
-    stops = np.array([rgb(colour) for _, colour in stops_])
-    wanted = np.linspace(0.0, 1.0, n)
-    table = np.ones((n, 4))
-    for column in range(3):
-        table[:, column] = np.interp(wanted, places, stops[:, column])
-    return np.rint(table * 255).astype(np.uint8)
+    places, wanted = [place for place, _ in stops], np.linspace(0.0, 1.0, n)
+    channels = np.array([rgb(colour) for _, colour in stops]).T
+    table = [*(np.interp(wanted, places, one) for one in channels), np.ones(n)]
+    return np.rint(np.column_stack(table) * 255).astype(np.uint8)
 
 
 def class_colour(label: str) -> str:

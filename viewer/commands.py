@@ -30,16 +30,10 @@ from skinmap.commands.options import (
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
-from viewer.results import DemoResult, ViewFiles, ViewPage, ViewWindow
+from viewer.results import LAYERS, DemoResult, ViewFiles, ViewPage, ViewWindow
 
-# As `viewer.layers` has them, which takes a second to import; a test compares.
-LAYERS = (
-    "pressure", "raw", "binary", "structures", "uncertainty", "distortion", "health", "patches",
-    "touched", "changed", "difference",
-)  # fmt: skip
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
 MOST_COUNTED = 20_000_000  # bytes of a recording that touches are counted in unasked
-MOVIES = (".mp4", ".gif")
 ANYWHERE = "127.0.0.1:0"
 IN_VIEW_FILE = "write it in --view-file (docs/viewer.md)"
 PATH = click.Path(path_type=Path)
@@ -191,7 +185,7 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
         layer=options["layer"] or settings.layer,
         style=settings.style,
         angles=checked_pose(settings.pose, session.robot),
-        links=settings.links,
+        links=() if settings.links == "none" else settings.links,
         size=settings.size,
         ranges=checked_ranges(settings.ranges),
         view=load_view(path) if path is not None and there and has_camera(path) else None,
@@ -390,13 +384,11 @@ def _check(options: Mapping[str, Any]) -> None:
         raise UnknownNameError("layer", options["layer"], LAYERS)
     if options["beside"] is not None:
         _check_beside(options)
-    files = {name: options[name] for name in ("screenshot", "movie", "html")}
-    for name, path in files.items():
-        if path is not None and not path.parent.is_dir():
+    files = [path for one in ("screenshot", "movie", "html") if (path := options[one]) is not None]
+    for path in files:
+        if not path.parent.is_dir():
             raise OutputError(f"cannot write {str(path)!r}: no folder {str(path.parent)!r}")
-        if path is not None and name == "movie" and path.suffix not in MOVIES:
-            raise click.UsageError(f"--movie ends in .mp4 or .gif, got {str(path)!r}")
-    if options["web"] and any(files.values()):
+    if options["web"] and files:
         raise click.UsageError("--web serves the scene, and files are asked for: one of them")
-    if not options["web"] and not any(files.values()) and not has_display():
+    if not options["web"] and not files and not has_display():
         raise click.UsageError("no display was found: give --screenshot, --movie, --html or --web")

@@ -11,10 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from skinmap.flat.distortion import spread
 from skinmap.io.output import staged_folder
 from skinmap.io.recordings.touch_files import save_recordings
-from skinmap.io.robots.manifest import data_folder
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import Structures, find_structures
 from skinmap.recognition.classifier import TouchClassifier, classifiers
@@ -33,10 +31,8 @@ from skinmap.touch.simulation.simulator import simulate
 from viewer.results import (
     DemoAccuracy,
     DemoResult,
-    DemoSeconds,
     EdgeError,
     NormalFit,
-    OtherPhysics,
     ScoreRow,
     StructureCounts,
     TouchCounts,
@@ -46,8 +42,6 @@ from viewer.view_options import Look, Session
 
 PER_GESTURE = 24  # touches of each of the four gestures on each part
 METHODS = ("contact-geometry", "histogram", "paper")
-KEPT = "evaluation_physics.json"  # what `skinmap evaluate --protocol physics` found
-OURS = "ours"
 NUMBERS = "demo.json"
 PICTURE, MOVIE = "robot.png", "replay.mp4"
 STEPS = 11  # progress steps beside those per part
@@ -118,9 +112,7 @@ def _kind(part: str) -> str:
     return part.removeprefix("left_").removeprefix("right_")
 
 
-def demo_result(
-    analysis: Analysis, seed: int, files: list[str], seconds: DemoSeconds
-) -> DemoResult:
+def demo_result(analysis: Analysis, seed: int, files: list[str], seconds: float) -> DemoResult:
     """The numbers of an analysis."""
     skins, split = analysis.skins, analysis.split
     charts = [chart for skin in skins.values() for chart in skin.flat.charts]
@@ -163,29 +155,14 @@ def demo_result(
                 accuracy=one.accuracy,
                 touches=one.touches,
                 per_label=dict(one.per_label),
-                per_part=dict(one.per_part),
             )
             for name, pair in analysis.scores.items()
             for where, one in zip(("same_parts", "other_parts"), pair, strict=True)
         ],
-        physics=other_physics(),
         seed=seed,
         files=files,
         seconds=seconds,
     )
-
-
-def other_physics() -> OtherPhysics | None:
-    """What was kept of the classifier in another physics, installed or in a checkout."""
-    data = data_folder()
-    installed = data / "results"
-    folder = installed if installed.is_dir() else data.parent / "benchmarks" / "results"
-    if not (folder / KEPT).is_file():
-        return None
-    kept = json.loads((folder / KEPT).read_text(encoding="utf-8"))
-    rows = [row for row in kept["rows"] if row["trained_on"] == OURS != row["tested_on"]]
-    means = {row["tested_on"]: row["mean"] for row in rows}
-    return OtherPhysics(trained_on=OURS, mean=means, frozen=kept["frozen"])
 
 
 def run_demo(
@@ -206,7 +183,6 @@ def run_demo(
     started = time.perf_counter()
     with staged_folder(out) as folder:
         analysis = analyse(robot, parts, seed=seed, advance=advance)
-        analysed = time.perf_counter()
         (folder / "flatmaps").mkdir()
         for part, skin in analysis.skins.items():
             advance(f"{part}: picture of the flat map")
@@ -215,15 +191,11 @@ def run_demo(
         structures_figure(analysis.skins, analysis.rotated, folder / "structures.png")
         advance("still and movie")
         movie = _show(analysis, folder, seed)
-        drawn = time.perf_counter()
         advance("report")
         pictures = [f"flatmaps/{part}.png" for part in analysis.skins]
         files = [PICTURE, "structures.png", movie, *pictures, PAGE, NUMBERS]
-        seconds = DemoSeconds(
-            analysis=analysed - started, pictures=drawn - analysed, total=drawn - started
-        )
-        result = demo_result(analysis, seed, files, seconds)
-        (folder / PAGE).write_text(demo_page(result, folder, analysis.skins), "utf-8")
+        result = demo_result(analysis, seed, files, time.perf_counter() - started)
+        (folder / PAGE).write_text(demo_page(result, folder), "utf-8")
         numbers = json.dumps(plain(result), indent=2)
         (folder / NUMBERS).write_text(numbers + "\n", encoding="utf-8")
     return result
@@ -249,18 +221,16 @@ def demo_lines(result: DemoResult) -> Iterator[str]:
         f"  there, histograms reach {_percent(named.other_parts_histogram)}, "
         f"the paper's literal ones {_percent(named.other_parts_paper)}"
     )
-    if result.physics is not None:
-        yield f"  pressed by MuJoCo instead: {_range(result.physics)} (kept from an evaluation)"
-    yield f"{result.seconds.total:.0f} s; {PAGE} shows all of it:"
+    yield f"{result.seconds:.0f} s; {PAGE} shows all of it:"
 
 
-def demo_page(result: DemoResult, folder: Path, skins: Mapping[str, PreparedSkin]) -> str:
+def demo_page(result: DemoResult, folder: Path) -> str:
     """The report, from the numbers and the pictures that lie in the folder."""
     movie = next(name for name in result.files if Path(name).stem == Path(MOVIE).stem)
     return page(
         result.robot,
         [
-            note(f"Skinmap demo, seed {result.seed}, {result.seconds.total:.0f} s"),
+            note(f"Skinmap demo, seed {result.seed}, {result.seconds:.0f} s"),
             cards(_figures(result)),
             heading("Touches on the body"),
             media(folder / PICTURE, "named touches on the body"),
@@ -278,10 +248,8 @@ def demo_page(result: DemoResult, folder: Path, skins: Mapping[str, PreparedSkin
                 "touch, and for other parts no part or mirror image, was trained on. A gesture "
                 "that does not fit a part is not simulated there."
             ),
-            *_physics_note(result),
             heading("Flat maps"),
-            _charts(skins).html(),
-            grid(media(folder / "flatmaps" / f"{part}.png", part) for part in skins),
+            grid(media(folder / "flatmaps" / f"{part}.png", part) for part in result.parts),
             heading("Periodic structures"),
             media(folder / "structures.png", "structures"),
         ],
@@ -304,65 +272,23 @@ def _figures(result: DemoResult) -> list[tuple[str, str]]:
 
 def _accuracy(result: DemoResult) -> Table:
     labels = sorted({label for row in result.table for label in row.per_label})
-    kept = result.table[0].classifier, "other_parts"
     rows: list[list[Cell]] = [
         [
             row.classifier,
             row.tested_on.replace("_", " "),
             row.touches,
             _percent(row.accuracy),
-            _range(result.physics) if (row.classifier, row.tested_on) == kept else "-",
             *(_percent(row.per_label.get(label)) for label in labels),
         ]
         for row in result.table
     ]
     names = [label.replace("_", " ") for label in labels]
-    heads = ("classifier", "tested on", "touches", "all", "pressed by MuJoCo", *names)
+    heads = ("classifier", "tested on", "touches", "all", *names)
     return Table(heads, rows)
-
-
-def _range(physics: OtherPhysics | None) -> str:
-    """Least and most of the variants."""
-    if physics is None:
-        return "-"
-    shares = [100 * share for share in physics.mean.values()]
-    return f"{min(shares):.0f} to {max(shares):.0f} %"
-
-
-def _physics_note(result: DemoResult) -> Iterator[str]:
-    if result.physics is not None:
-        variants = result.physics.mean
-        each = ", ".join(f"{name} {_percent(one)}" for name, one in variants.items())
-        yield note(
-            "Pressed by MuJoCo: not measured in this run but kept from `skinmap evaluate "
-            "--protocol physics`, which trained this classifier on simulated touches of ours with "
-            f"parts left out and tested it in {len(variants)} variants of another physics: {each}. "
-            f"Nothing was trained or tuned on {result.physics.frozen}."
-        )
 
 
 def _percent(value: float | None) -> str:
     return "-" if value is None else f"{100 * value:.1f} %"
-
-
-def _charts(skins: Mapping[str, PreparedSkin]) -> Table:
-    rows = []
-    for part, skin in skins.items():
-        for chart in skin.flat.charts:
-            found = chart.distortion
-            angle = spread(found.quasi_conformal, found.face_areas)
-            rows.append(
-                (
-                    part, chart.patch, len(chart.taxels), chart.holes, chart.method, found.flips,
-                    round(100 * found.edge_rms, 2), round(angle.mean or 0.0, 4),
-                    round(found.area_sd, 4),
-                )
-            )  # fmt: skip
-    return Table(
-        ("part", "patch", "taxels", "holes", "method", "flips", "edge rms [%]",
-         "quasi-conformal", "area sd"),
-        rows,
-    )  # fmt: skip
 
 
 def _show(analysis: Analysis, folder: Path, seed: int) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from calibration.files.tables import ENTRIES
 from calibration.response.response_file import load_response
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import (
@@ -28,8 +29,6 @@ from viewer.web.guard import LOOPBACK, check_token
 
 TOKEN = "SKINMAP_TOKEN"  # in the environment: every user reads a command line
 LAST_PORT = 65535
-# Place of each covariance column in the matrix.
-ENTRIES = dict(zip(COVARIANCE, ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), strict=True))
 
 
 def checked_pose(degrees: Mapping[str, float], robot: Robot) -> dict[str, float]:
@@ -177,7 +176,7 @@ def _covariances(path: Path) -> tuple[np.ndarray, FloatArray]:
         )
     numbers = np.array([[float(cell) for cell in row] for row in rows[1:]])
     matrices = np.zeros((len(numbers), 3, 3))
-    for column, (i, j) in zip(numbers[:, len(COLUMNS) :].T, ENTRIES.values(), strict=True):
+    for column, (i, j) in zip(numbers[:, len(COLUMNS) :].T, ENTRIES, strict=True):
         matrices[:, i, j] = matrices[:, j, i] = column
     known = np.isfinite(matrices).all(axis=(1, 2))
     unknown = np.isnan(matrices).all(axis=(1, 2))

@@ -43,23 +43,11 @@ from viewer.colours import (
 )
 from viewer.health import STATES, HealthWatch
 from viewer.pair import ORDER, Pair
+from viewer.results import LAYERS
 
 Values = Callable[[str, Moment | None], FloatArray]
 
 
-LAYERS: tuple[str, ...] = (
-    "pressure",
-    "raw",
-    "binary",
-    "structures",
-    "uncertainty",
-    "distortion",
-    "health",
-    "patches",
-    "touched",
-    "changed",
-    "difference",
-)
 # What "touched" shows, as "touched:dwell"; how often by itself: title, unit.
 TOUCHED_KINDS = {
     "": ("touches", "of each taxel, since the beginning"),
@@ -237,11 +225,6 @@ class Layers:
         self._changes = changed
         self.moment: Moment | None = None
         self.pair: Pair | None = None
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """What `get` knows."""
-        return LAYERS
 
     def get(self, name: str) -> Layer:
         """A layer by name.

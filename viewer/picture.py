@@ -1,38 +1,55 @@
-"""Look at a robot's skin in one call: in a window, or as a picture, a movie, a page or a body."""
+"""Look at a robot's skin in one call: in a window, a cell of a notebook, or as a file.
+
+In a cell the page of `viewer.web` stands in a frame of its own, with scene and moments in it: no
+port is opened, and the notebook shows plain HTML, as Jupyter, VS Code and marimo do.
+"""
 
 from __future__ import annotations
 
+import html
 import math
 import sys
+import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from skinmap.errors import UnknownNameError
+from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinError, UnknownNameError
+from skinmap.flat.flat_map import FlatMap
 from skinmap.io.robots.manifest import load_robot
+from skinmap.io.robots.urdf import Link, UrdfBody
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
 from skinmap.report.touch_figures import with_contacts
-from skinmap.skin.robot import Robot
+from skinmap.skin.robot import Part, Robot
+from skinmap.skin.skin import Skin
 from skinmap.touch.prepared_skin import PreparedSkin
+from viewer.export.html_page import page
+from viewer.layers import Layers
+from viewer.playing.recent_moments import Excerpt
 from viewer.view_files import Wanted, write_files
 from viewer.view_options import Look, Session, new_scene
+from viewer.web.sample import pack_reel
+from viewer.web.scene_data import make_scene
 from viewer.window import SIZE, play
 
 # What is written for a suffix.
 SUFFIXES = {
-    ".png": "screenshot",
-    ".jpg": "screenshot",
-    ".svg": "screenshot",
-    ".pdf": "screenshot",
-    ".mp4": "movie",
-    ".gif": "movie",
-    ".glb": "screenshot",
+    **dict.fromkeys((".png", ".jpg", ".svg", ".pdf", ".glb"), "screenshot"),
+    **dict.fromkeys((".mp4", ".gif"), "movie"),
     ".html": "html",
 }
+HEIGHT = 560  # of the cell's frame [px]
+STILL = (1000, 640)  # of the picture for where no page can stand [px]
+FRAME = (
+    '<iframe title="skin" sandbox="allow-scripts allow-downloads" srcdoc="{}" style="width: 100%; '
+    'height: {}px; border: 1px solid #dde1e6; border-radius: 6px"></iframe>'
+)
+THINGS = ("Skin", "FlatMap", "Robot", "file", "source's name")
 
 
 @dataclass(eq=False)
@@ -41,9 +58,7 @@ class _Given(Session):
 
     given: Iterable[Moment] = ()
 
-    def moments(
-        self, seconds: float | None, *, start: float = 0.0, name: bool = True
-    ) -> Iterator[Moment]:
+    def moments(self, seconds: float | None, *, start: float = 0.0) -> Iterator[Moment]:
         first = math.nan
         for moment in self.given:
             first = moment.time if math.isnan(first) else first
@@ -79,10 +94,10 @@ def show(
 
     Returns
     -------
-    Path, widget or None
-        The file; in a notebook, of a robot or of a loop's moments, a widget, which also takes a
-        skin, a flat map, a recording's file or a source in place of a robot
-        (`viewer.notebook.show`, with more options); None after a window was closed.
+    Path, Cell or None
+        The file; in a notebook, without moments, what stands in a cell, of a robot, a skin, a flat
+        map, a recording's file or a source's name (`viewer.picture.show_in_cell`); None after a
+        window was closed.
 
     Raises
     ------
@@ -100,11 +115,9 @@ def show(
     >>> skinmap.show(robot, parts=["torso"], path="torso.png").name
     'torso.png'
     """
-    alone = not isinstance(robot, Robot | str | Path)  # a skin, a flat map, a source
-    if path is None and (alone or (_fits_cell(moments) and in_notebook())):
-        from viewer.notebook import show as show_in_cell
-
-        return show_in_cell(robot if moments is None else moments, parts=parts)
+    alone = not isinstance(robot, Robot | str | Path)  # a skin, a flat map
+    if path is None and (alone or (moments is None and in_notebook())):
+        return show_in_cell(robot, parts=parts)
     kind = None if path is None else _kind(Path(path))
     loaded = robot if isinstance(robot, Robot) else load_robot(robot)
     felt, known = _felt(moments)
@@ -114,7 +127,7 @@ def show(
     if felt is not None and not isinstance(moments, TouchLoop):
         looked = (with_contacts(one, skins) for one in felt)
         felt = list(looked) if isinstance(felt, Sequence) else looked  # a list is read again
-    session = _Given(loaded, wanted, skins=skins, given=felt or [_at_rest(skins)])
+    session = _Given(loaded, wanted, skins=skins, given=felt or [at_rest(skins)])
     if path is None or kind is None:
         scene = new_scene(session, Look(), size=SIZE, off_screen=False)
         play(scene, session.given, seconds=math.inf if seconds is None else seconds)
@@ -122,11 +135,6 @@ def show(
     file: dict[str, Any] = {kind: Path(path)}
     write_files(session, Look(), Wanted(**file, seconds=seconds))
     return Path(path)
-
-
-def _fits_cell(moments: object) -> bool:
-    """Whether what is felt can be followed in a cell: nothing, or what a live loop finds."""
-    return moments is None or isinstance(moments, TouchLoop)
 
 
 def in_notebook() -> bool:
@@ -161,5 +169,133 @@ def _felt(
     return moments, ()
 
 
-def _at_rest(skins: Mapping[str, PreparedSkin]) -> Moment:
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """What stands in a cell.
+
+    Attributes
+    ----------
+    content : str
+        The page.
+    still : bytes or None
+        A picture (PNG) for where no page can stand; None where there is no library to draw with.
+    """
+
+    content: str
+    still: bytes | None
+
+    def _repr_html_(self) -> str:
+        return FRAME.format(html.escape(self.content), HEIGHT)
+
+    def _repr_png_(self) -> bytes | None:
+        return self.still
+
+
+def show_in_cell(
+    thing: Any, *, robot: Robot | str = "icub", parts: Iterable[str] | None = None
+) -> Cell:
+    """Show something in a notebook cell.
+
+    Parameters
+    ----------
+    thing : Skin, FlatMap, Robot, str or path
+        A skin or a flat map alone; a robot at rest; a recording's file, which is played in the
+        cell; or a source ("sim", "lsl:NAME", "zmq:HOST:PORT"), whose next seconds are.
+    robot : Robot or str
+        Whose touches a recording or a source has.
+    parts : iterable of str, optional
+        Only these; all of a robot, or of what is played, by default.
+
+    Returns
+    -------
+    Cell
+        Put it at the end of a cell.
+    """
+    if isinstance(thing, Skin):
+        return _resting(*alone(PreparedSkin(thing)))
+    if isinstance(thing, FlatMap):
+        return _resting(*alone(PreparedSkin.of(thing.mesh, thing)), "distortion")
+    if isinstance(thing, Robot):
+        return _resting(thing, {p: PreparedSkin(thing.skin(p)) for p in parts or thing.parts})
+    if not isinstance(thing, str | Path):
+        raise UnknownNameError("thing to show of type", type(thing).__name__, THINGS)
+    loaded = robot if isinstance(robot, Robot) else load_robot(robot)
+    session = Session(loaded, tuple(parts or loaded.parts), source=str(thing))
+    if parts is None:
+        session.parts = _parts_of(session)
+    session.prepare()
+    return _played(session)
+
+
+def _cell(
+    robot: Robot,
+    skins: Mapping[str, PreparedSkin],
+    layer: str,
+    moments: Sequence[Moment],
+    now: int = 0,
+) -> Cell:
+    """A page that plays moments, with a picture of one of them."""
+    scene = make_scene(robot, skins)
+    reel = pack_reel(scene, Layers(skins), moments, now=now, layer=layer)
+    return Cell(page(scene.packed, reel, robot.name), _still(robot, skins, layer, moments[now]))
+
+
+def _still(
+    robot: Robot, skins: Mapping[str, PreparedSkin], layer: str, moment: Moment
+) -> bytes | None:
+    session = Session(robot, tuple(skins), skins=dict(skins))
+    try:
+        scene = new_scene(session, Look(layer=layer), size=STILL, off_screen=True)
+    except MissingLibraryError:
+        return None
+    scene.follow(moment)
+    with tempfile.TemporaryDirectory(prefix="skinmap-") as folder:
+        content = scene.screenshot(Path(folder) / "still.png").read_bytes()
+    scene.close()
+    return content
+
+
+class Bodiless(UrdfBody):
+    """The body of a skin that is alone: its link, without a mesh."""
+
+    def __init__(self, link: str) -> None:
+        self._links, self._tree, self._moved = {link: Link(())}, {}, []
+
+
+def alone(skin: PreparedSkin) -> tuple[Robot, dict[str, PreparedSkin]]:
+    """A skin without a robot, as a robot of which nothing else is known."""
+
+    def read() -> Any:
+        raise SkinError("a skin that is alone has no table")
+
+    own = skin.skin
+    robot = Robot(own.part, Bodiless(own.link), {own.part: Part(own.part, own.link, read)})
+    robot._skins[own.part] = own
+    return robot, {own.part: skin}
+
+
+def at_rest(skins: Mapping[str, PreparedSkin]) -> Moment:
+    """A moment without a touch."""
     return Moment(0.0, {part: np.zeros(len(skin)) for part, skin in skins.items()})
+
+
+def _parts_of(session: Session) -> tuple[str, ...]:
+    """The parts of the robot that the source has."""
+    with closing(session.open(hurry=True)) as source:
+        found = tuple(part for part in source.info.parts if part in session.robot.parts)
+    return found or session.parts
+
+
+def _resting(robot: Robot, skins: Mapping[str, PreparedSkin], layer: str = "pressure") -> Cell:
+    return _cell(robot, skins, layer, [at_rest(skins)])
+
+
+def _played(session: Session) -> Cell:
+    """What a source sends, played."""
+    excerpt, best = Excerpt(), at_rest(session.skins)
+    for moment in excerpt.watch(session.moments(None)):
+        best = max(best, moment, key=lambda one: sum(len(touch.taxels) for touch in one.touches))
+    moments, now = excerpt.around(best if excerpt.moments else None)
+    if not moments or now is None:
+        raise InvalidArrayError(f"{session.source}: no sample to show")
+    return _cell(session.robot, session.skins, "pressure", moments, now)

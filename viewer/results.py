@@ -1,4 +1,4 @@
-"""What the viewer's commands print."""
+"""What the viewer's commands print, and the layers that they are asked for by name."""
 
 from __future__ import annotations
 
@@ -6,6 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
+
+# Here, as `viewer.layers`, which makes them, takes a second to import.
+LAYERS = (
+    "pressure", "raw", "binary", "structures", "uncertainty", "distortion", "health", "patches",
+    "touched", "changed", "difference",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -114,8 +120,8 @@ class ScoreRow:
         Share of touches named right.
     touches
         Number of tested touches.
-    per_label, per_part
-        The accuracy by gesture and by part.
+    per_label
+        The accuracy by gesture.
     """
 
     classifier: str
@@ -123,45 +129,6 @@ class ScoreRow:
     accuracy: float
     touches: int
     per_label: Mapping[str, float]
-    per_part: Mapping[str, float]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class OtherPhysics:
-    """The same classifier where MuJoCo presses, out of a run that was kept.
-
-    Attributes
-    ----------
-    trained_on
-        Our touches, each tested part and its mirror image left out.
-    mean
-        Share named right, mean of the gestures, by variant of MuJoCo.
-    frozen
-        The variant that nothing is trained or tuned on.
-    """
-
-    trained_on: str
-    mean: Mapping[str, float]
-    frozen: str
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class DemoSeconds:
-    """Times of the demo.
-
-    Attributes
-    ----------
-    analysis
-        Meshing, flattening, training and testing.
-    pictures
-        Pictures and the movie.
-    total
-        Time of the whole demo.
-    """
-
-    analysis: float
-    pictures: float
-    total: float
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -198,15 +165,12 @@ class DemoResult:
         Accuracy of the names.
     table
         A row for each classifier and test.
-    physics
-        Kept accuracy of the default classifier in another physics; null in an
-        installation without the kept results.
     seed
         Seed of all randomness.
     files
         Names of the files inside `--out`.
     seconds
-        Times of the demo.
+        Time of the whole demo.
     """
 
     robot: str
@@ -223,10 +187,9 @@ class DemoResult:
     touches: TouchCounts
     accuracy: DemoAccuracy
     table: list[ScoreRow]
-    physics: OtherPhysics | None
     seed: int
     files: list[str]
-    seconds: DemoSeconds
+    seconds: float
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

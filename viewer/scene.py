@@ -9,7 +9,8 @@ scene.screenshot("touches.png")
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections import UserDict
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -49,31 +50,12 @@ from viewer.playing.recent_moments import History
 STILL_SAMPLES = 8  # per pixel, for stills only: too slow for live pictures
 
 
-class LazyMaps(Mapping[str, FlatMap]):
-    """Flat maps of prepared skins, or of another such mapping, each made when first looked at."""
-
-    def __init__(
-        self,
-        skins: Mapping[str, PreparedSkin] | Mapping[str, FlatMap],
-        parts: Iterable[str] | None = None,
-    ) -> None:
-        self._skins = skins
-        self._parts = [part for part in (skins if parts is None else parts) if part in skins]
+class LazyMaps(UserDict[str, Any]):
+    """Flat maps of prepared skins, each made when first looked at."""
 
     def __getitem__(self, part: str) -> FlatMap:
-        if part not in self._parts:
-            raise KeyError(part)
-        found = self._skins[part]
-        return found if isinstance(found, FlatMap) else found.flat
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._parts)
-
-    def __contains__(self, part: object) -> bool:
-        return part in self._parts  # without making it
-
-    def __len__(self) -> int:
-        return len(self._parts)
+        flat: FlatMap = self.data[part].flat
+        return flat
 
 
 class Scene:
@@ -103,6 +85,8 @@ class Scene:
 
     Attributes
     ----------
+    angles : mapping of str to float
+        Joint angles shown now [rad]; joints not named stand in the robot's natural pose.
     layer : Layer
         What the skin shows.
     style : str
@@ -163,14 +147,14 @@ class Scene:
         for part in shown:
             if part not in meshes:
                 raise UnknownNameError("part with a surface mesh", part, meshes)
-        self._angles: Mapping[str, float] = {} if angles is None else dict(angles)
-        self.poses = posed(robot, self._angles)
+        self.angles: Mapping[str, float] = dict(angles or {})
+        self.poses = posed(robot, self.angles)
         self.layers: dict[str, SkinLayer] = {part: build_layer(meshes[part]) for part in shown}
         if data is None:
             data = Layers({p: PreparedSkin.of(meshes[p], flat_maps.get(p)) for p in shown})
         self.data = data
         self.layer: Layer = data.get(layer)
-        self.style = check_style(style)
+        self.style: str = check_style(style)
         sizes = {part: len(one.skin) for part, one in self.layers.items()}
         self.moment = Moment(float("nan"), {part: np.zeros(n) for part, n in sizes.items()})
         self.touches: tuple[NamedTouch, ...] = ()
@@ -179,7 +163,8 @@ class Scene:
         self.past = History(SECONDS, SAMPLES, spread=True)
         self.player: Player | None = None
         self.plot, self.plot_seconds = "taxels", SECONDS
-        self.canvas = Canvas(robot, self.layers, LazyMaps(flat_maps, shown), self.poses, how)
+        maps = LazyMaps({part: data.skins[part] for part in shown if part in flat_maps})
+        self.canvas = Canvas(robot, self.layers, maps, self.poses, how)
         self.plotter = self.canvas.plotter
         self.panel: FlatPanel | None = self.canvas.panel
         self.framing: Framing = self.canvas.framing
@@ -217,11 +202,6 @@ class Scene:
         return cls(loaded, meshes, LazyMaps(skins), data=data, **options)
 
     @property
-    def angles(self) -> Mapping[str, float]:
-        """Joint angles shown now [rad]; joints not named stand in the robot's natural pose."""
-        return dict(self._angles)
-
-    @property
     def font_px(self) -> int:
         """Height of the letters [px]."""
         return self.canvas.font_px
@@ -242,7 +222,7 @@ class Scene:
             A joint that the body lacks, or an angle beyond its limits.
         """
         touches = check_moment(moment, self.layers)
-        if moment.angles and dict(moment.angles) != self._angles:
+        if moment.angles and dict(moment.angles) != self.angles:
             self.set_pose(moment.angles)
         self.data.observe(moment)
         felt = self.data.felt(moment)
@@ -377,7 +357,7 @@ class Scene:
             A joint that the body lacks, or an angle beyond its limits (names joint and limits).
         """
         self.poses = posed(self.robot, angles)
-        self._angles = dict(angles)
+        self.angles = dict(angles)
         self.canvas.move(self.poses)
 
     def show_flat_map(self, part: str) -> None:

@@ -32,12 +32,12 @@ from skinmap.recognition.named_classifiers import default_model
 from skinmap.skin.robot import Robot
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
-from viewer.drawing.body.bare_body import check_links
+from viewer.drawing.body.bare_body import Links
 from viewer.interaction.saving import apply_view, check_view
 from viewer.interaction.selection import Selection
 from viewer.interaction.view_file import SavedView
 from viewer.layers import Layers
-from viewer.playing.player import LoopFeed, stepwise
+from viewer.playing.player import LoopFeed
 from viewer.scene import LazyMaps, Scene
 
 LIVE = 5.0  # how long a live source is watched for a picture or a movie [s]
@@ -121,11 +121,6 @@ class Session:
         return several
 
     @property
-    def healths(self) -> dict[str, Any]:
-        """Health states by part, from the response calibrations."""
-        return {part: response.health for part, response in self.responses.items()}
-
-    @property
     def title(self) -> str:
         """The robot and its source."""
         return f"{self.robot.name}, {(self.touched_in or Path(self.source)).name}"
@@ -204,7 +199,7 @@ class Session:
 
     def live(self) -> TouchLoop:
         """A loop for a player; of a recording it knows what hangs before the first sample."""
-        loop = self.touch_loop(stepwise(self.open()), self.classifier())
+        loop = self.touch_loop(self.open(), self.classifier())
         if isinstance(loop.source, Seekable):
             self.learn_rest(loop)
         return loop
@@ -227,9 +222,7 @@ class Session:
         """Whether the simulator is the source."""
         return self.source.partition(":")[0] == "sim"
 
-    def moments(
-        self, seconds: float | None, *, start: float = 0.0, name: bool = True
-    ) -> Iterator[Moment]:
+    def moments(self, seconds: float | None, *, start: float = 0.0) -> Iterator[Moment]:
         """Moments for a picture or a movie, without a player.
 
         Those of recordings and of the simulator come sample by sample, as fast as they are
@@ -241,8 +234,6 @@ class Session:
             How long; None for all of a recording, and a while of anything else.
         start : float
             Seconds of a recording, or of the simulator, that are left out.
-        name : bool
-            Whether touches get names, which takes most of the time.
 
         Raises
         ------
@@ -255,12 +246,13 @@ class Session:
         live, recording = is_live(source), isinstance(source, Seekable)
         length = LIVE if live else math.inf if recording else MADE
         end = start + (length if seconds is None else seconds)
-        loop = self.touch_loop(source, self.classifier() if name else None, singly=True)
+        loop = self.touch_loop(source, self.classifier(), singly=True)
         if self.repeats:
             self.learn_rest(loop)
         try:
             before = _led(source, start)
-            start = min(start, _last(source))  # which lasts as long as a sample does
+            if isinstance(source, Playback):  # its last sample lasts as long as a sample does
+                start = min(start, source.last)
             heard = _heard(loop, end)
             if recording and start > 0.0 and (first := next(heard, None)) is not None:
                 self.origin = first.time - before if math.isnan(self.origin) else self.origin
@@ -298,11 +290,6 @@ def _led(source: Source, start: float) -> float:
     return source.position
 
 
-def _last(source: Source) -> float:
-    """Seconds from the beginning of a recording to its last sample; endless of anything else."""
-    return source.last if isinstance(source, Playback) else math.inf
-
-
 def _heard(loop: TouchLoop, seconds: float) -> Iterator[Moment]:
     """Moments of a loop to its end; of a live source for so many seconds of this machine."""
     deadline = time.monotonic() + SILENCE
@@ -333,7 +320,7 @@ class Look:
         None for what the view says, or the scene's own.
     angles : mapping of str to float
         Joint angles [rad].
-    links : {"all", "skin", "none"}
+    links : iterable of str, "all" or "skin"
         What is drawn of the body.
     size : (int, int) or None
         Width and height of the picture [px]; each kind of picture has its own without.
@@ -346,7 +333,7 @@ class Look:
     layer: str | None = None
     style: str | None = None
     angles: dict[str, float] | None = None
-    links: str = "all"
+    links: Links = "all"
     size: tuple[int, int] | None = None
     ranges: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     view: SavedView | None = None
@@ -374,7 +361,7 @@ def new_scene(session: Session, look: Look, *, size: tuple[int, int], off_screen
         LazyMaps(session.skins),
         data=new_layers(session, look),
         angles=look.angles or None,
-        links=drawn_links(session, look),
+        links=look.links,
         close=set(session.parts) != set(session.robot.parts),
         window_size=look.size or size,
         off_screen=off_screen,
@@ -398,16 +385,9 @@ def new_layers(session: Session, look: Look) -> Layers:
     return Layers(
         session.skins,
         covariances=session.covariances,
-        healths=session.healths,
+        healths={part: one.health for part, one in session.responses.items()},
         ranges=look.ranges,
         touched=session.touched,
         loads=session.calibrations,
         changed=session.changed,
     )
-
-
-def drawn_links(session: Session, look: Look) -> tuple[str, ...] | None:
-    """Links to draw; None for all."""
-    if look.links == "all":
-        return None
-    return check_links(session.robot, "skin", session.parts) if look.links == "skin" else ()

@@ -5,17 +5,15 @@ from __future__ import annotations
 import contextlib
 import math
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
 from skinmap.live.moment import Moment
-from viewer.export.movie import MOVIE_FPS
 from viewer.interaction.controls import Controls
 from viewer.interaction.mouse import Events, Pace
 from viewer.pair import LEFT, RIGHT, Pair
-from viewer.playing.overview import fill_overview
-from viewer.playing.paired_player import PairedPlayer, in_step
+from viewer.playing.overview import new_players
 from viewer.playing.player import Player
 from viewer.results import ViewWindow
 from viewer.scene import Scene
@@ -123,7 +121,6 @@ class Window:
         self.interactor.EnableRenderOff()
         self.controls = Controls(scene, player, folder=folder, view_file=view_file)
         self.events = Events(self.interactor, self.controls)
-        self._movie = Pace(1.0 / MOVIE_FPS, time.perf_counter)
         self._calm = Pace(REFRESH, time.perf_counter)
         self._updated = time.perf_counter()
         self._number = -1
@@ -165,8 +162,6 @@ class Window:
         wanted |= self._news and time.perf_counter() >= self._rested
         if wanted or scene.canvas.cache.held or self.punctual.marked:
             self._draw()
-        if controls.files.recording is not None and self._movie.due():
-            controls.files.recording.add(scene.frame())
         return bool(wanted)
 
     def _draw(self) -> None:
@@ -212,8 +207,7 @@ class Window:
         self._number = self.player.number
 
     def close(self) -> None:
-        """Finish a movie, let go of the events, close the window and the player."""
-        self.controls.files.end_movie()
+        """Let go of the events, close the window and the player."""
         self.events.close()
         self.controls.remove()
         self.player.close()
@@ -262,18 +256,14 @@ class Mirror:
 
     def __init__(self, left: Window, right: Window) -> None:
         self.scenes = left.scene, right.scene
-        self._known: list[object] = [
-            None,
-            left.scene.layer.name,
-            left.scene.style,
-        ]  # camera, layer, style
+        self._known = [None, *_shown(left.scene)[1:]]
         self._seen = [scene.data.moment for scene in self.scenes]
 
     def turn(self) -> None:
         """Bring the one to what the other was changed to; draw differences of new samples."""
         sides = self.scenes, self.scenes[::-1]
         same = self.scenes[0].robot.name == self.scenes[1].robot.name
-        for k, follow in enumerate((_look_alike, _layer_alike, _style_alike)):
+        for k, follow in enumerate(ALIKE):
             for led, other in sides if same or k else ():
                 if (now := _shown(led)[k]) != self._known[k]:
                     follow(led, other)
@@ -286,7 +276,8 @@ class Mirror:
         self._seen = seen
 
 
-def _shown(scene: Scene) -> tuple[object, str, str]:
+def _shown(scene: Scene) -> tuple[Any, str, str]:
+    """Camera, layer and style."""
     camera = scene.plotter.camera
     where = camera.position, camera.focal_point, camera.up, camera.view_angle
     return where, scene.layer.name, scene.style
@@ -299,12 +290,11 @@ def _look_alike(led: Scene, other: Scene) -> None:
     other.canvas.changed = True
 
 
-def _layer_alike(led: Scene, other: Scene) -> None:
-    other.set_layer(led.layer.name)
-
-
-def _style_alike(led: Scene, other: Scene) -> None:
-    other.set_style(led.style)
+ALIKE: tuple[Callable[[Scene, Scene], None], ...] = (
+    _look_alike,
+    lambda led, other: other.set_layer(led.layer.name),
+    lambda led, other: other.set_style(led.style),
+)  # how the other one follows: camera, layer, style
 
 
 def play(scene: Scene, moments: Iterable[Moment], *, seconds: float = math.inf) -> int:
@@ -360,22 +350,18 @@ def open_window(
         How much later that stands in its recording [s].
     """
     with contextlib.ExitStack() as ended:
-        windows, players = list[Window](), list[PairedPlayer]()
-        for one in [session] if other is None else [session, other]:
-            loop = one.live()
-            ended.callback(loop.close)
+        sessions, windows = [session] if other is None else [session, other], list[Window]()
+        players = new_players(sessions, later)
+        for one, player in zip(sessions, players, strict=True):
+            ended.callback(player.close)
             mine = look if one is session else look_beside(look, session, one)
             scene = new_scene(one, mine, size=SIZE, off_screen=False)
-            players.append(PairedPlayer(loop, paused=not loop.live))
-            players[-1].speed = session.speed
-            fill_overview(one, players[-1])
-            windows.append(Window(scene, players[-1], view_file=view_file))
+            windows.append(Window(scene, player, view_file=view_file))
         if other is None:
             windows[0].open()
         else:
-            in_step(*players, later=later)
             Pair(*(window.scene.data for window in windows))
-            for k, (window, one) in enumerate(zip(windows, (session, other), strict=True)):
+            for k, (window, one) in enumerate(zip(windows, sessions, strict=True)):
                 window.scene.set_layer(window.scene.layer.name)  # on the scale of both
                 window.open(f"Skinmap, {(LEFT, RIGHT)[k]}: {one.title}", k * SIZE[0])
         for player in players:  # a recording begins when its window is open

@@ -78,7 +78,6 @@ PURPOSES = {
     "mujoco": "touches pressed by MuJoCo",
     "fast": "compiled loops",
     "dask": "work on a cluster",
-    "notebook": "the scene in Jupyter",
     "images": "bags of visual words",
     "foxglove": "streams to Foxglove",
     "zenoh": "streams from and to ROS 2",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
 
 TABLE = ".csv"  # of touches, to edit elsewhere
-PAGES = "skinmap.label_pages"  # entry points: (marks, stream, robot, name) -> marks, or None
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -60,7 +59,6 @@ class LabelResult:
     "New recording (.mcap or .npz), or its touches (.csv), to edit and to give back.",
     required=True, guarded=False,
 )  # fmt: skip
-@click.option("--web", is_flag=True, help="Step through the touches in the browser.")
 @click.option("--find", is_flag=True, help="Find the touches again and ignore the marks.")
 @click.option("--name", metavar="LABEL", help="Name of all touches without one.")
 @robot_option
@@ -68,13 +66,13 @@ class LabelResult:
     profile=NO_PROFILE,
     csv="name it behind the recording: skinmap label REC.mcap TOUCHES.csv -o NEW.mcap",
     write_csv="write -o TOUCHES.csv",
+    web="keys in the terminal do the same; -o TOUCHES.csv writes a table to edit",
 )
 @prints(LabelResult)
 def command(
     recording: Path,
     table: Path | None,
     output: Path,
-    web: bool,
     find: bool,
     name: str | None,
     robot: str | None,
@@ -82,9 +80,9 @@ def command(
 ) -> None:
     """Name, split, join and delete the touches of RECORDING.
 
-    By keys in the terminal, by a CSV that is edited elsewhere, or in the page (--web). Touches that
-    were not marked are found first, grouped as `classify` groups them. The recording stays as it
-    is: what comes out is a new file.
+    By keys in the terminal, or by a CSV that is edited elsewhere. Touches that were not marked are
+    found first, grouped as `classify` groups them. The recording stays as it is: what comes out is
+    a new file.
 
     \b
     Example:  skinmap label touch.mcap -o named.mcap
@@ -96,7 +94,7 @@ def command(
     from skinmap.live.sources.open_recording import open_track
     from skinmap.touch.touch_labels import RESERVED, UNNAMED, check_label
 
-    _check(recording, output, changes=web or table is not None)
+    _check(recording, output, changes=table is not None)
     label = None if name is None else check_label(name)
     loaded = open_robot(robot, ())[0]
     track = open_track(recording, robot=loaded)
@@ -107,8 +105,7 @@ def command(
     if table is not None:
         marks = read_marks(table, marks, track.times, track.parts)
     if output.suffix.lower() != TABLE and table is None:
-        edit = _page() if web else by_keys
-        marks = edit(marks, track, loaded, recording.name)
+        marks = by_keys(marks, track, recording.name)
     if label is not None:
         marks = Marks(
             tuple(
@@ -143,9 +140,7 @@ def _check(recording: Path, output: Path, *, changes: bool) -> None:
     if output.suffix.lower() != TABLE:
         check_suffix(output)
     elif changes:
-        raise click.UsageError(
-            "-o TOUCHES.csv writes the marks; a table and --web change them: -o NEW.mcap"
-        )
+        raise click.UsageError("-o TOUCHES.csv writes the marks; a table changes them: -o NEW.mcap")
     if output.exists() and output.samefile(recording):
         raise OutputError(f"cannot write {str(output)!r}: it is the recording; name a new file")
     protect(output, data=True)
@@ -205,7 +200,7 @@ def _found(recording: Path, robot: Robot, times: FloatArray) -> Marks:
 FOUND = "found"  # inside only: what the loop calls each touch
 
 
-def by_keys(marks: Marks, track: RecordedStream, robot: Robot, name: str) -> Marks:
+def by_keys(marks: Marks, track: RecordedStream, name: str) -> Marks:
     """Step through the touches in the terminal.
 
     Raises
@@ -235,18 +230,6 @@ def by_keys(marks: Marks, track: RecordedStream, robot: Robot, name: str) -> Mar
             editor.press(key, rest.strip())
         except (SkinError, ValueError) as error:
             click.echo(str(error), err=True)
-
-
-Edit = Callable[["Marks", "RecordedStream", "Robot", str], "Marks"]
-
-
-def _page() -> Edit:
-    from importlib.metadata import entry_points
-
-    for point in entry_points(group=PAGES):
-        page: Edit = point.load()
-        return page
-    raise click.UsageError("--web needs the viewer package, which is not installed")
 
 
 def write_marked_recording(recording: Path, output: Path, marks: Marks, robot: Robot) -> None:

@@ -269,7 +269,6 @@ def window(drawn, wandering, tmp_path) -> Iterator:
     Hands(made).wait_until(lambda: player.moment is not None)
     made.turn()
     yield made
-    made.controls.files.end_movie()
     made.controls.pointing.leave()
     made.controls.pointing.clear()
     made.events.close()

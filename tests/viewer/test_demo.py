@@ -14,7 +14,6 @@ from skinmap.cli.main import cli
 from skinmap.errors import OutputError, SkinWarning
 from viewer.demo import training_parts
 
-ROOT = Path(__file__).parents[2]
 KEYS = {
     "robot", "parts", "taxels", "meshed_taxels", "patches", "flips", "edge_rms_percent",
     "structures", "accuracy", "seconds", "files",
@@ -47,29 +46,6 @@ def test_demo_prints_the_promised_numbers(demo):
     # One sole to learn from: far from what 13 parts give, well above the chance of 0.25.
     assert result["accuracy"]["same_parts"] >= 0.75
     assert result["accuracy"]["other_parts"] >= 0.5
-
-
-def test_demo_shows_the_other_physics_as_it_was_kept(demo):
-    result, out = demo
-    kept = json.loads((ROOT / "benchmarks" / "results" / "evaluation_physics.json").read_text())
-    means = {r["tested_on"]: r["mean"] for r in kept["rows"] if r["trained_on"] == "ours"}
-    assert means.pop("ours") > 0.9
-    assert result["physics"] == {"trained_on": "ours", "mean": means, "frozen": "judge"}
-    page = (out / "report.html").read_text()
-    assert "pressed by MuJoCo" in page
-    assert f"judge {100 * means['judge']:.1f} %" in page
-
-
-def test_installed_elsewhere_the_kept_results_lie_with_the_data(tmp_path, monkeypatch):
-    from viewer import demo
-
-    (tmp_path / "results").mkdir()
-    monkeypatch.setattr(demo, "data_folder", lambda: tmp_path)
-    assert demo.other_physics() is None
-    rows = [{"trained_on": "ours", "tested_on": one, "mean": 0.5} for one in ("ours", "foam")]
-    kept = {"frozen": "judge", "rows": rows}
-    (tmp_path / "results" / demo.KEPT).write_text(json.dumps(kept))
-    assert demo.other_physics().mean == {"foam": 0.5}
 
 
 def test_demo_writes_every_file_it_lists_and_nothing_else(demo):

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.geometry.topology import border_edges
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from viewer.drawing.skin.refinement import boundary_edges
 from viewer.layers import LAYERS
 
 
@@ -83,7 +83,7 @@ def test_body_and_flat_map_show_a_taxel_in_the_colour_of_its_layer(shown, moment
         taxels = panel.places("torso").taxels
         apart = np.abs(seen.astype(int) - wanted[taxels]).max(axis=1)
         mesh = shown.layers["torso"].mesh
-        apart = apart[~np.isin(taxels, boundary_edges(mesh.faces))]  # a line runs through those
+        apart = apart[~np.isin(taxels, border_edges(mesh.faces))]  # a line runs through those
         # A map of colours has 256 steps, and a single float of a value may fall into the next.
         step = np.abs(np.diff(layer.table[:, :3].astype(int), axis=0)).max()
         limit = 0 if layer.categories else step

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import skinmap
+from tests.viewer.unpacking import unpack
 from viewer import Layers
 from viewer.drawing.skin.skin_layer import build_layer
 from viewer.drawing.touches.outlines import touch_field
 from viewer.health import STATES, STUCK, UNHEARD
 from viewer.view_files import Best
 from viewer.view_options import Look, Session
-from viewer.web.packing import unpack
 from viewer.web.sample import UNKNOWN, SampleWriter
 from viewer.web.scene_data import make_scene
 
@@ -41,7 +41,7 @@ def played(request):
     (stage,) = source._stages
     source.close()
     assert len(stage.sensors.stuck), "another seed: this one gives no stuck taxel"
-    return session, part, stage.sensors.stuck, list(session.moments(SECONDS, name=False))
+    return session, part, stage.sensors.stuck, list(session.moments(SECONDS))
 
 
 def live(session):

@@ -25,7 +25,7 @@ from skinmap.errors import SkinError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.triangles import face_normals, unit
 from viewer.colours import BODY, FAINT, INK, PANEL, RAW_STOPS, ramp, rgb
-from viewer.drawing.frame.camera import look_down, project, world_points
+from viewer.drawing.frame.camera import look_down, world_points
 from viewer.drawing.frame.canvas import BODY_SHARE, new_plotter
 from viewer.drawing.frame.polydata import add_actor, make_lines, make_mesh, show_cells
 from viewer.drawing.skin.draw_positions import LIFT, polygons
@@ -490,12 +490,6 @@ class CalibrationView:
     def window(self) -> Any:
         """VTK's window."""
         return self.plotter.render_window
-
-    def pixel(self, point: NDArray[Any], *, board: bool = False) -> tuple[int, int]:
-        """The pixel of a point (3,) on the link or the board [m], from the lower left."""
-        renderer = self.board.renderer if board else self.link.renderer
-        x, y = project(renderer, np.asarray(point)[None])[0] + renderer.GetOrigin()
-        return round(x), round(y)
 
     def frame(self) -> NDArray[np.uint8]:
         """(height, width, 3) picture as it is now."""

@@ -19,7 +19,7 @@ from skinmap.live.moment import Moment
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 from viewer.colours import DIFFERENCE_STOPS, INK, ramp
 from viewer.layers import Layer
-from viewer.pair import LEFT, ORDER, RIGHT, common_parts, moved_touch, paired_touches
+from viewer.pair import LEFT, ORDER, RIGHT, Pair, moved_touch, paired_touches
 from viewer.results import Beside, ChangedTouch, Difference
 from viewer.scene import Scene
 from viewer.view_files import NEAR, shown_touches, still_moment
@@ -67,25 +67,20 @@ def write_beside(
         What stands at the right, and the difference.
     """
     first = _moment(session, look, at)
-    wanted = _same_time(session, other, first, at) if then is None else then
-    second = _moment(other, look, wanted, strict=(at if then is None else then) is not None)
-    scenes = [
-        _scene(session, look, first),
-        _scene(other, look_beside(look, session, other), second),
-    ]
+    asked = at if then is None else then
+    wanted = asked
+    if asked is None and first is not None and other.repeats:
+        wanted = first.time - session.origin
+    second = _moment(other, look, wanted, strict=asked is not None)
+    scenes = [_scene(session, look, first)]
+    scenes.append(_scene(other, look_beside(look, session, other), second))
     try:
         left, right = scenes
-        _one_scale(left, right)
-        common = common_parts(session.skins, other.skins)
-        titles = [
-            _title(name, one, moment) + more
-            for name, one, moment, more in (
-                (LEFT, session, first, ""),
-                (RIGHT, other, second, named and f", {named}"),
-            )
-        ]
-        for scene, words in zip(scenes, titles, strict=True):
-            scene.set_title(words)
+        common = Pair(left.data, right.data).parts
+        for scene in scenes:
+            scene.set_layer(scene.layer.name)  # on the scale of both
+        left.set_title(_title(LEFT, session, first))
+        right.set_title(_title(RIGHT, other, second) + (named and f", {named}"))
         pictures = [left.canvas.draw(left, 360.0, samples=8)]
         if session.robot.name == other.robot.name:
             right.framing.look(left.framing.view, "still")
@@ -131,14 +126,6 @@ def _moment(
         return still_moment(session, look, None)
 
 
-def _same_time(
-    session: Session, other: Session, moment: Moment | None, at: float | None
-) -> float | None:
-    if at is not None or moment is None or not other.repeats:
-        return at
-    return moment.time - session.origin
-
-
 def _apart_in_time(
     session: Session, other: Session, first: Moment | None, second: Moment | None
 ) -> str:
@@ -167,16 +154,6 @@ def _touches(moment: Moment | None) -> Sequence[NamedTouch]:
 def _title(side: str, session: Session, moment: Moment | None) -> str:
     when = "" if moment is None else f", {moment.time - session.origin:.2f} s"
     return f"{side}: {session.title}{when}"
-
-
-def _one_scale(left: Scene, right: Scene) -> None:
-    """Give the layer of both the limits that hold both."""
-    if left.layer.categories:
-        return
-    a, b = left.layer.limits, right.layer.limits
-    limits = min(a[0], b[0]), max(a[1], b[1])
-    for scene in (left, right):
-        scene.layer = dataclasses.replace(scene.layer, limits=limits)
 
 
 def difference(left: Scene, right: Scene, parts: Sequence[str]) -> dict[str, FloatArray]:

@@ -81,14 +81,13 @@ def write_html(
     return path
 
 
-def page(scene: bytes, reel: bytes | None, title: str) -> str:
+def page(scene: bytes, reel: bytes, title: str) -> str:
     """The page's file: its own text with scripts, style and data in it.
 
     Parameters
     ----------
     scene, reel : bytes
-        As `make_scene` and `pack_reel` pack them; without a reel, what is shown comes from the page
-        around this one.
+        As `make_scene` and `pack_reel` pack them.
     title : str
         Of the page until it has read the scene.
     """
@@ -103,7 +102,6 @@ def page(scene: bytes, reel: bytes | None, title: str) -> str:
     data = "".join(
         f'<script type="text/plain" id="{name}">{_text(message)}</script>\n'
         for name, message in (("scene", scene), ("reel", reel))
-        if message is not None
     )
     text, count = HEAD.subn("", page_text(""))
     if count != 1:

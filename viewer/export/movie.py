@@ -8,6 +8,7 @@ import subprocess
 import warnings
 from collections.abc import Iterable
 from contextlib import suppress
+from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -54,121 +55,64 @@ def write_movie(path: str | Path, frames: Iterable[Picture], fps: float) -> Path
     >>> write_movie("grey.gif", np.full((2, 48, 64, 3), 128, np.uint8), 25.0).name
     'grey.gif'
     """
-    movie = MovieWriter(path, fps)
-    try:
-        for picture in frames:
-            movie.add(picture)
-        written = movie.close()
-    except BaseException:
-        movie.drop()
-        raise
-    if written is None:
+    path, program = Path(path), find_ffmpeg()
+    if program is None and path.suffix != ".gif":
+        path = path.with_suffix(".gif")
+        warnings.warn(
+            f"no ffmpeg: writing {path.name} instead; for .mp4: pip install 'skinmap[movies]'",
+            SkinWarning,
+            stacklevel=2,
+        )
+    if path.is_dir():
+        raise OutputError(f"cannot write {str(path)!r}: it is a folder")
+    if not os.access(path.parent, os.W_OK | os.X_OK):
+        why = "no permission" if path.parent.is_dir() else "no such folder"
+        raise OutputError(f"cannot write {str(path)!r}: {why}")
+    even = (one[: len(one) // 2 * 2, : one.shape[1] // 2 * 2] for one in frames)
+    first = next(even, None)
+    if first is None:
         raise InvalidArrayError("a movie needs at least one picture")
-    return written
-
-
-class MovieWriter:
-    """A movie that grows picture by picture, for windows that do not know how long it will be.
-
-    It is made far from its place and moved there when all went well: whoever kills it finds nothing
-    half made in the folder.
-
-    Parameters
-    ----------
-    path : path-like
-        Ends in .mp4 or .gif; without ffmpeg an .mp4 becomes a .gif.
-    fps : float
-        Pictures a second.
-
-    Raises
-    ------
-    OutputError
-        The folder does not exist or cannot be written to; told before any work.
-    """
-
-    def __init__(self, path: str | Path, fps: float) -> None:
-        path = Path(path)
-        self._program = find_ffmpeg()
-        self.path = path
-        if self._program is None and path.suffix != ".gif":
-            self.path = path.with_suffix(".gif")
-            warnings.warn(
-                f"no ffmpeg: writing {self.path.name} instead; for .mp4: "
-                "pip install 'skinmap[movies]'",
-                SkinWarning, stacklevel=2,
-            )  # fmt: skip
-        self.fps = fps
-        self.count = 0
-        self._size: tuple[int, int] | None = None
-        self._ffmpeg: subprocess.Popen[bytes] | None = None
-        self._pictures: list[Picture] = []  # of a gif, which is written at the end
-        if self.path.is_dir():
-            raise OutputError(f"cannot write {str(self.path)!r}: it is a folder")
-        if not os.access(self.path.parent, os.W_OK | os.X_OK):
-            why = "no permission" if self.path.parent.is_dir() else "no such folder"
-            raise OutputError(f"cannot write {str(self.path)!r}: {why}")
-        self._folder = TemporaryDirectory(prefix="skinmap-", ignore_cleanup_errors=True)
-        self._stage = Path(self._folder.name) / f"movie{self.path.suffix}"
-
-    def add(self, picture: Picture) -> None:
-        """Append a picture (h, w, 3); one of another size than the first is left out."""
-        height, width = picture.shape[:2]
-        size = (height - height % 2, width - width % 2)
-        if self._size is None:
-            self._size = size
-            if self.path.suffix != ".gif":
-                self._ffmpeg = self._started(*size)
-        if size != self._size:
-            return
-        cut = np.ascontiguousarray(picture[: size[0], : size[1]])
-        if self._ffmpeg is None:
-            self._pictures.append(cut)
-        elif self._ffmpeg.stdin is not None:
-            with suppress(OSError):  # it has ended: its exit code says so when the movie does
-                self._ffmpeg.stdin.write(cut.tobytes())
-        self.count += 1
-
-    def close(self) -> Path | None:
-        """Finish the file; None, and no file, where no picture came."""
-        try:
-            if self.count == 0:
-                return None
-            with refusals(self.path, self._stage):
-                self._finish()
-            with staged_file(self.path) as copy:
-                shutil.copyfile(self._stage, copy)
-            return self.path
-        finally:
-            self.drop()
-
-    def drop(self) -> None:
-        """Give up what was made so far; after `close` nothing happens."""
-        if self._ffmpeg is not None:
-            self._ffmpeg.kill()
-            self._ffmpeg.communicate()
-        self._folder.cleanup()
-
-    def _started(self, height: int, width: int) -> subprocess.Popen[bytes]:
-        source = f"-y -v error -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {self.fps:g} -i -"
-        words: list[str | Path] = [str(self._program), *source.split(), *CODEC.split(), self._stage]
-        quiet = subprocess.DEVNULL
-        return subprocess.Popen(words, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
-
-    def _finish(self) -> None:
-        if self._ffmpeg is None:
+    pictures = chain([first], even)
+    # Far from its place, and moved there when all went well: whoever kills it finds nothing half
+    # made in the folder.
+    with TemporaryDirectory(prefix="skinmap-", ignore_cleanup_errors=True) as folder:
+        stage = Path(folder) / f"movie{path.suffix}"
+        if path.suffix == ".gif":
             from PIL import Image
 
-            first, *more = (Image.fromarray(one) for one in self._pictures)
-            each = round(1000.0 / self.fps)
-            first.save(self._stage, save_all=True, append_images=more, duration=each, loop=0)
-            return
-        with suppress(OSError):
-            self._ffmpeg.communicate()
-        if self._ffmpeg.wait() != 0:
+            still, *more = map(Image.fromarray, pictures)
+            with refusals(path, stage):
+                each = round(1000.0 / fps)
+                still.save(stage, save_all=True, append_images=more, duration=each, loop=0)
+        elif not _encode(str(program), pictures, first.shape, fps, stage):
             raise OutputError(
-                f"cannot write {str(self.path)!r}: ffmpeg left no whole movie, for want of room in "
-                f"{str(self._stage.parent.parent)!r} perhaps"
+                f"cannot write {str(path)!r}: ffmpeg left no whole movie, for want of room in "
+                f"{str(stage.parent.parent)!r} perhaps"
             )
+        with staged_file(path) as copy:
+            shutil.copyfile(stage, copy)
+    return path
+
+
+def _encode(
+    program: str, pictures: Iterable[Picture], shape: tuple[int, ...], fps: float, stage: Path
+) -> bool:
+    """Write pictures of a shape (h, w, 3) by ffmpeg; whether it says that all went well."""
+    height, width = shape[:2]
+    source = f"-y -v error -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {fps:g} -i -"
+    words: list[str | Path] = [program, *source.split(), *CODEC.split(), stage]
+    quiet = subprocess.DEVNULL
+    ffmpeg = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
+    try:
+        for picture in pictures:
+            with suppress(OSError):  # it has ended: its exit code says so
+                ffmpeg.stdin.write(picture.tobytes())  # type: ignore[union-attr]
+        with suppress(OSError):
+            ffmpeg.communicate()
+        return ffmpeg.wait() == 0
+    finally:
+        ffmpeg.kill()
+        ffmpeg.communicate()
 
 
 def find_ffmpeg() -> str | None:

@@ -17,10 +17,11 @@ from viewer.drawing.touches.traces import SPANS as SPANS_PLOTTED
 from viewer.interaction.mouse import Mouse, Pace
 from viewer.interaction.overlays import Notice, Slider, Spans, TextBox
 from viewer.interaction.pointing import Pointing, within
-from viewer.interaction.saving import Files
+from viewer.interaction.saving import apply_view, free_name, view_of
 from viewer.interaction.selection import Lasso, Reach
-from viewer.layers import LAYERS
+from viewer.interaction.view_file import load_view, save_view
 from viewer.playing.player import Player
+from viewer.results import LAYERS
 from viewer.scene import Scene
 
 SPANS, MANY = 1.0, 300  # between two looks at the touches [s] where there are so many
@@ -39,7 +40,7 @@ class Key:
         What they do.
     actions : dict of str to tuple
         By names of keys, as X11 and VTK have them ("space", "Right", "plus"): a method of
-        `viewer.interaction.controls.Controls`, or of its `files`, and what it gets.
+        `viewer.interaction.controls.Controls`, or of a part of it, and what it gets.
     """
 
     shown: str
@@ -49,7 +50,7 @@ class Key:
 
 QUICKER, SLOWER = ("change_speed", 2.0), ("change_speed", 0.5)
 KEYS = (
-    Key("space", "pause, go on", {"space": ("toggle_pause",)}),
+    Key("space", "pause, go on", {"space": ("player.toggle",)}),
     Key("left right", "one sample back, on", {"Left": ("step", -1), "Right": ("step", 1)}),
     Key("down up", "one second back, on", {"Down": ("jump", -1.0), "Up": ("jump", 1.0)}),
     Key("home", "to the beginning", {"Home": ("jump", -1e9)}),
@@ -66,7 +67,7 @@ KEYS = (
         "1 to 9",
         ", ".join(LAYERS[:4]),
         {
-            f"{pad}{k}": ("choose_layer", n)
+            f"{pad}{k}": ("scene.set_layer", n)
             for k, n in enumerate(LAYERS[:9], 1)
             for pad in ("", "KP_")
         },
@@ -75,11 +76,7 @@ KEYS = (
     Key("d", "discs or surface", {"d": ("toggle_style",)}),
     Key("tab", "flat map of the next part", {"Tab": ("next_map",)}),
     Key("k", "plot taxels, or how touches went", {"k": ("next_plot",)}),
-    Key(
-        "m p c",
-        "choose module, patch; clear",
-        {"m": ("choose", "module"), "p": ("choose", "patch"), "c": ("clear",)},
-    ),
+    Key("c", "choose nothing", {"c": ("pointing.clear",)}),
     Key("f b", "look from front, back", {"f": ("look", "front"), "b": ("look", "back")}),
     Key(
         "[ ] t",
@@ -89,12 +86,8 @@ KEYS = (
     Key("g", "go to the touches", {"g": ("focus",)}),
     Key("r", "the whole robot again", {"r": ("whole",)}),
     Key("a", "follow touches, or rest", {"a": ("follow",)}),
-    Key("v V", "save, load the view", {"v": ("files.save_view",), "V": ("load_view",)}),
-    Key("s", "screenshot", {"s": ("files.screenshot",)}),
-    Key("o", "movie: start, end", {"o": ("files.toggle_movie",)}),
-    Key(
-        "x e", "export glTF, HTML page", {"x": ("files.export_gltf",), "e": ("files.export_html",)}
-    ),
+    Key("v V", "save, load the view", {"v": ("save_view",), "V": ("load_view",)}),
+    Key("s", "screenshot", {"s": ("screenshot",)}),
     Key("h", "this help", dict.fromkeys(("h", "question"), ("toggle_help",))),
     Key("esc", "close help and box", {"Escape": ("put_away",)}),
     Key("q", "close the window", {"q": ("close",)}),
@@ -126,7 +119,7 @@ class Controls:
     scene : Scene
     player : Player
     folder : Path
-        Where screenshots, movies and exports go.
+        Where screenshots go.
     view_file : Path
         Where the view is saved and loaded.
 
@@ -134,6 +127,8 @@ class Controls:
     ----------
     closed : bool
         Whether the user wants to leave.
+    folder, view_file : Path
+        As given; the present folder, and a file in it.
     """
 
     def __init__(
@@ -149,7 +144,8 @@ class Controls:
         self.changed = True  # since the last picture
         self.following = True  # whether the flat map goes with the touches
         self.pointing = Pointing(scene)
-        self.files = Files(scene, self.pointing, self.say, folder=folder, view_file=view_file)
+        self.folder = Path() if folder is None else folder
+        self.view_file = self.folder / "skinmap-view.json" if view_file is None else view_file
         self.mouse = Mouse(self)
         body = scene.plotter.renderers[0]
         self.slider = Slider(body, scene.font_px)
@@ -206,10 +202,6 @@ class Controls:
 
     # Time.
 
-    def toggle_pause(self) -> None:
-        """Stop or go on."""
-        self.player.toggle()
-
     def step(self, count: float) -> None:
         """Show another sample."""
         if not self.player.step(int(count)):
@@ -244,10 +236,6 @@ class Controls:
         self.say("no load calibration" if age is None else f"zero anew; it was {age:.0f} s old")
 
     # What is shown.
-
-    def choose_layer(self, name: str) -> None:
-        """Show another layer on body and map."""
-        self.scene.set_layer(name)
 
     def toggle_style(self) -> None:
         """Discs or an interpolated surface."""
@@ -297,23 +285,24 @@ class Controls:
         self.scene.framing.mode = "free"
         self.changed = True
 
-    # Choosing.
+    # Files.
 
-    def choose(self, reach: Reach) -> None:
-        """The module or patch of the taxel under the mouse."""
-        if self.pointing.pointed is None:
-            self.say("point at a taxel first")
-        else:
-            self.pointing.choose(self.pointing.pointed, reach)
-
-    def clear(self) -> None:
-        """Choose nothing."""
-        self.pointing.clear()
+    def save_view(self) -> None:
+        """Write what is shown and from where."""
+        save_view(view_of(self.scene, self.pointing.selection), self.view_file)
+        self.say(f"view saved in {self.view_file.name}")
 
     def load_view(self) -> None:
         """Go back to a saved view."""
-        self.files.load_view()
+        apply_view(self.scene, load_view(self.view_file), self.pointing.selection)
+        self.pointing.refresh()
         self.following = self.scene.framing.mode == "auto"
+        self.say(f"view of {self.view_file.name}")
+
+    def screenshot(self) -> None:
+        """Write the picture."""
+        path = self.scene.screenshot(free_name(self.folder, "skinmap", ".png"))
+        self.say(f"wrote {path.name}")
 
     # The mouse: `viewer.interaction.mouse.Listener`.
 
@@ -455,8 +444,6 @@ class Controls:
             words.append(f"x{player.speed:g}")
         if player.loop:
             words.append("loop")
-        if self.files.recording is not None:
-            words.append("movie")
         if (count := self.pointing.selection.count) > 0:
             words.append(f"{count} taxels chosen" if count > 1 else "1 taxel chosen")
         if not math.isfinite(player.duration) and not player.seekable and not words:

@@ -77,11 +77,6 @@ class Mouse:
             self.listener.click(x, y, reach, add=shift and control)
         return doing in ("sliding", "panning", "lasso")
 
-    def cancel(self) -> None:
-        """Let go of whatever is being done."""
-        self.doing, self._lasso = "nothing", None
-        self.listener.trace(None)
-
 
 class Pace:
     """Rate limit that keeps the last of what it held back.

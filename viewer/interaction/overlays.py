@@ -364,7 +364,8 @@ class Slider:
                 place = bottom + number * thick + rise * (thick - 1.0)
                 shapes.append((rectangle(left + begin, place, end - begin, height), tint(colour)))
         top = bottom + self.high * self.font_px
-        step = tick_step(high - low)
+        most = MOST_TICKS - 1
+        step = next((one for one in STEPS if (high - low) / one <= most), STEPS[-1])
         times = np.arange(math.ceil(low / step), math.floor(high / step) + 1) * step
         for k, tick in enumerate(self._ticks):
             if live or k >= len(times) or not self.lanes:
@@ -424,11 +425,6 @@ def lane_columns(
             edges = np.flatnonzero(np.diff(pixels, prepend=0, append=0)).tolist()
             runs = [(a, b, names[pixels[a]]) for a, b in pairwise(edges) if pixels[a]]
             yield lane, *((0.0, 0.4) if mark else (0.45, 0.55) if marked else (0.0, 1.0)), runs
-
-
-def tick_step(length: float) -> float:
-    """Between two times of a ruler that is so long [s]."""
-    return next((step for step in STEPS if length / step <= MOST_TICKS - 1), STEPS[-1])
 
 
 def clock(seconds: float, length: float) -> str:

@@ -1,20 +1,15 @@
-"""What keys save: views of a scene, pictures, movies, exports, under names that are still free."""
+"""What keys save: views of a scene, and pictures under names that are still free."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from skinmap.errors import OutputError, SkinMismatchError
 from skinmap.skin.robot import Robot
-from viewer.export.gltf import write_gltf
-from viewer.export.html_page import write_html
-from viewer.export.movie import MOVIE_FPS, MovieWriter
-from viewer.interaction.pointing import Pointing
 from viewer.interaction.selection import Selection
-from viewer.interaction.view_file import SavedView, load_view, save_view
+from viewer.interaction.view_file import SavedView
 from viewer.scene import Scene, check_part, check_taxels
 
 NUMBERS = 100_000
@@ -88,75 +83,3 @@ def apply_view(scene: Scene, view: SavedView, selection: Selection) -> None:
     camera.SetViewUp(*view.up)
     camera.SetViewAngle(view.angle)
     renderer.ResetCameraClippingRange()
-
-
-class Files:
-    """Writes what a scene shows, and tells in the picture where.
-
-    Parameters
-    ----------
-    scene : Scene
-    pointing : Pointing
-        Its selection is part of a view.
-    say : callable
-        Shows a short line.
-    folder : Path, optional
-        Where screenshots, movies and exports go; the present one by default.
-    view_file : Path, optional
-        Where the view is saved and loaded; one in the folder by default.
-    """
-
-    def __init__(
-        self,
-        scene: Scene,
-        pointing: Pointing,
-        say: Callable[[str], None],
-        *,
-        folder: Path | None = None,
-        view_file: Path | None = None,
-    ) -> None:
-        self.scene, self.pointing, self.say = scene, pointing, say
-        self.folder = Path() if folder is None else folder
-        self.view_file = self.folder / "skinmap-view.json" if view_file is None else view_file
-        self.recording: MovieWriter | None = None
-
-    def save_view(self) -> None:
-        """Write what is shown and from where."""
-        save_view(view_of(self.scene, self.pointing.selection), self.view_file)
-        self.say(f"view saved in {self.view_file.name}")
-
-    def load_view(self) -> None:
-        """Go back to a saved view."""
-        apply_view(self.scene, load_view(self.view_file), self.pointing.selection)
-        self.pointing.refresh()
-        self.say(f"view of {self.view_file.name}")
-
-    def screenshot(self) -> None:
-        """Write the picture."""
-        path = self.scene.screenshot(free_name(self.folder, "skinmap", ".png"))
-        self.say(f"wrote {path.name}")
-
-    def toggle_movie(self) -> None:
-        """Begin a movie of what is shown, or end it."""
-        if self.recording is None:
-            self.recording = MovieWriter(free_name(self.folder, "skinmap", ".mp4"), MOVIE_FPS)
-            self.say("movie begins; o ends it")
-        else:
-            self.end_movie()
-
-    def end_movie(self) -> None:
-        """Finish the movie's file, if one is being made."""
-        if self.recording is not None:
-            movie, self.recording = self.recording, None
-            path = movie.close()
-            self.say(f"wrote {path.name}" if path is not None else "no picture: no movie")
-
-    def export_gltf(self) -> None:
-        """Write the scene as it stands for other 3D programs."""
-        path = write_gltf(self.scene, free_name(self.folder, "skinmap", ".glb"))
-        self.say(f"wrote {path.name}")
-
-    def export_html(self) -> None:
-        """Write the scene as it stands as a page that needs nothing else."""
-        path = write_html(self.scene, free_name(self.folder, "skinmap", ".html"))
-        self.say(f"wrote {path.name}")

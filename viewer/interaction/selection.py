@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
-from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh
 
 Reach = Literal["taxel", "module", "patch"]
@@ -53,26 +52,15 @@ class Selection(dict[str, IntArray]):
             self.set(part, np.concatenate([old, rows]))
 
 
-def module_taxels(skin: Skin, taxel: int) -> IntArray:
-    """(k,) taxels on the same module."""
-    return np.flatnonzero(skin.modules == skin.modules[taxel])
-
-
-def patch_taxels(mesh: SurfaceMesh, taxel: int) -> IntArray:
-    """(k,) taxels of the same patch; a taxel that no face uses is alone."""
-    patches = mesh.taxel_patches
-    if patches[taxel] < 0:
-        return np.array([taxel])
-    return np.flatnonzero(patches == patches[taxel])
-
-
 def reached(mesh: SurfaceMesh, taxel: int, reach: Reach) -> IntArray:
-    """(k,) what one click chooses: the taxel, its module or its patch."""
-    if reach == "module":
-        return module_taxels(mesh.skin, taxel)
-    if reach == "patch":
-        return patch_taxels(mesh, taxel)
-    return np.array([taxel])
+    """(k,) what one click chooses: the taxel, its module or its patch.
+
+    A taxel that no face uses is a patch alone.
+    """
+    groups = {"module": mesh.skin.modules, "patch": mesh.taxel_patches}
+    if reach == "taxel" or groups[reach][taxel] < 0:
+        return np.array([taxel])
+    return np.flatnonzero(groups[reach] == groups[reach][taxel])
 
 
 class Lasso:
@@ -125,8 +113,6 @@ def inside(polygon: ArrayLike, points: ArrayLike) -> BoolArray:
     x, y = np.asarray(points, np.float64).reshape(-1, 2).T
     odd = np.zeros(len(x), bool)
     for (x0, y0), (x1, y1) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
-        if y0 == y1:
-            continue
-        crossed = (y0 > y) != (y1 > y)
-        odd ^= crossed & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
+        if y0 != y1:
+            odd ^= ((y0 > y) != (y1 > y)) & (x < x0 + (y - y0) * (x1 - x0) / (y1 - y0))
     return odd

@@ -10,7 +10,7 @@ import logging
 import math
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 
 from skinmap.errors import SkinError
@@ -19,6 +19,7 @@ from skinmap.live.moment import Moment
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import SourceEnded
 from skinmap.live.touched_taxels import touch_stretches
+from viewer.playing.paired_player import PairedPlayer, in_step
 from viewer.playing.player import Player
 from viewer.playing.recent_moments import Span, Timeline
 from viewer.view_options import Session
@@ -30,6 +31,19 @@ APART = 2.0  # touches with a longer pause between them are named one after the 
 BEFORE, AFTER = 1.0, 0.6  # of touches that are worked on too: a pat may go on [s]
 TOGETHER = 30.0  # touches that come without a pause are named in pieces of so long [s]
 logger = logging.getLogger(__name__)
+
+
+def new_players(sessions: Sequence[Session], later: float = 0.0) -> list[PairedPlayer]:
+    """A player of each source, halted where that can wait; the second of two `later` [s]."""
+    players = []
+    for session in sessions:
+        loop = session.live()
+        players.append(PairedPlayer(loop, paused=not loop.live))
+        players[-1].speed = sessions[0].speed
+        fill_overview(session, players[-1])
+    if len(players) > 1:
+        in_step(*players, later=later)
+    return players
 
 
 def fill_overview(session: Session, player: Player) -> threading.Thread | None:

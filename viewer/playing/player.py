@@ -13,12 +13,13 @@ import contextlib
 import math
 import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any, Self
 
 from skinmap.errors import InvalidArrayError
 from skinmap.live.moment import Moment
-from skinmap.live.sources.source import Block, Relay, Seekable, Source, SourceEnded, is_live
+from skinmap.live.sources.playback import Playback
+from skinmap.live.sources.source import Seekable, SourceEnded, is_live
 from viewer.playing.recent_moments import History, Outlet, Past, Timeline
 
 PERIOD = 0.02  # between two samples where the source states none [s]
@@ -34,115 +35,14 @@ PATIENCE = 3.0  # for the thread to end when it is closed [s]
 NEAR = 0.3  # a touch that begins so near to what is shown is the one that is shown [s]
 
 
-class Stepwise(Relay, Seekable):
-    """A recording that gives single samples while it is hurried: a `Seekable`.
-
-    What a player seeks for, or steps to, is then met to the sample.
-    """
-
-    source: Any
-
-    def __init__(self, recording: Seekable) -> None:
-        super().__init__(recording)
-        self._open: Block | None = None  # what was read ahead, and its next row
-        self._row = 0
-        self._origin = math.nan  # of its times, where its position is 0 [s]
-
-    @property
-    def speed(self) -> float:
-        """Factor of the speed."""
-        return self.source.speed
-
-    @speed.setter
-    def speed(self, speed: float) -> None:
-        self._set_speed(speed)
-
-    def _set_speed(self, speed: float) -> None:
-        if self._open is not None:
-            # What was read ahead is read again, at its time.
-            self.source.seek(self.position)
-            self._open = None
-        self.source.speed = speed
-
-    @property
-    def loop(self) -> bool:
-        """Whether it starts again at its end."""
-        return self.source.loop
-
-    @loop.setter
-    def loop(self, loop: bool) -> None:
-        self.source.loop = loop
-
-    @property
-    def duration(self) -> float:
-        """[s]."""
-        return self.source.duration
-
-    @property
-    def began(self) -> float:
-        """Time of its beginning, in its clock [s]; NaN where it is unknown."""
-        return float(getattr(self.source, "began", math.nan))
-
-    @property
-    def position(self) -> float:
-        """Seconds from its beginning, of the sample that comes next."""
-        if self._open is None:
-            return self.source.position
-        return float(self._open.times[self._row]) - self._origin
-
-    def read(self, timeout: float) -> Block | None:
-        """The next sample while hurried, else all that is due."""
-        if self._open is None:
-            before = self.source.position
-            block = self.source.read(timeout)
-            if block is not None and math.isnan(self._origin):
-                self._origin = float(block.times[0]) - before
-            if block is None or len(block) <= 1 or not math.isinf(self.speed):
-                return block
-            self._open, self._row = block, 0
-        block, row = self._open, self._row
-        self._row += 1
-        if self._row == len(block):
-            self._open = None
-        return Block(block.times[row : row + 1], block.values[row : row + 1], block.arrived)
-
-    def seek(self, seconds: float) -> None:
-        """Go on from there."""
-        self._open = None
-        self.source.seek(seconds)
-
-
-def stepwise(source: Source) -> Source:
-    """The source as a player can lead it: recordings step by step, live sources as they are.
-
-    Parameters
-    ----------
-    source : Source
-        Given to a `TouchLoop` afterwards, which a `Player` plays.
-
-    Returns
-    -------
-    Source
-        A recording that meets seeks and steps to the sample; anything else as it is.
-
-    Examples
-    --------
-    >>> import skinmap
-    >>> from viewer import stepwise
-    >>> source = stepwise(skinmap.open_source("sim", robot=skinmap.load_robot("kaspar")))
-    >>> source.info.robot
-    'KASPAR'
-    >>> source.close()
-    """
-    return Stepwise(source) if isinstance(source, Seekable) else source
-
-
 class LoopFeed:
     """Moments of a touch loop; a recording's pace is its source's."""
 
     def __init__(self, loop: Any) -> None:
         self.touches = loop
         source = loop.source
+        if isinstance(source, Playback):
+            source.most = 1  # what it is led to is met to the sample
         self._recording = source if isinstance(source, Seekable) else None
         self.seekable = self.paced = self._recording is not None
         self.halts = not is_live(source)  # recordings and the simulator wait
@@ -337,8 +237,6 @@ class Player:
         What is played. An iterable is paced by the times of its moments.
     paused : bool
         Halt at the first moment.
-    clock : callable
-        Seconds of this machine, for the age of what is shown.
 
     Examples
     --------
@@ -352,20 +250,14 @@ class Player:
     (True, 0.16)
     """
 
-    def __init__(
-        self,
-        moments: Any,
-        *,
-        paused: bool = False,
-        clock: Callable[[], float] = time.perf_counter,
-    ) -> None:
+    def __init__(self, moments: Any, *, paused: bool = False) -> None:
         # A touch loop steps by itself, as a feed does; whatever else gives moments is gone through.
         self._touches: Any = moments if hasattr(moments, "source") else None
         if self._touches is not None:
             self._feed: Feed = LoopFeed(moments)
         else:
             self._feed = moments if hasattr(moments, "step") else MomentFeed(moments)
-        self._outlet = Outlet(clock)
+        self._outlet = Outlet()
         self._news = self._outlet.news  # guards all below
         self._history = History()
         self._past = Past()
@@ -737,6 +629,10 @@ class Player:
         """Take the zero of the forces anew, as soon as nothing touches."""
         if hasattr(self._touches, "zero"):
             self._touches.zero()
+
+    def totals(self) -> dict[str, int]:
+        """What became of the samples, as `TouchLoop.totals`; nothing without a loop."""
+        return self._touches.totals() if hasattr(self._touches, "totals") else {}
 
     def levels(self, part: str, taxel: int) -> dict[str, float]:
         """What is known of a taxel at rest, as `TouchLoop.levels`; nothing without a loop."""

@@ -18,8 +18,9 @@ from skinmap.live.moment import Moment
 from viewer.drawing.touches.traces import COURSES
 from viewer.drawing.touches.traces import SPANS as PLOTTED
 from viewer.interaction.describe import describe
-from viewer.layers import LAYERS, Layer, Layers, check_layer, check_values
+from viewer.layers import Layer, Layers, check_layer, check_values
 from viewer.playing.player import Player
+from viewer.results import LAYERS
 from viewer.scene import make_plot
 from viewer.web.packing import finite
 from viewer.web.sample import SampleWriter, layer_message
@@ -30,15 +31,6 @@ if TYPE_CHECKING:
 
 AHEAD = 2  # samples on their way to a page that it has not drawn yet
 UNFIT = ("short", "long", "refused")  # counts of samples that do not fit the skin
-LED = {
-    "play": "went on",
-    "pause": "paused",
-    "step": "went a sample on or back",
-    "seek": "went to another time",
-    "speed": "changed the speed",
-    "loop": "changed the loop",
-    "zero": "set the zero of the forces",
-}
 SPANS = 0.5  # between two letters with the touches on the time line, at least [s]
 SPANS_A_SECOND = 4000.0  # that are told of at most
 PLOTS, POINTS = 0.1, 250  # between two letters with a plot [s], and its times at most
@@ -109,8 +101,6 @@ class Hub:
     layers : Layers
     first : mapping
         Layer, style and saved view that a page shows first, and its heading where it has another.
-    counts : callable, optional
-        Counts of the source's samples (`skinmap.live.sources.source.Counts`).
     waits : bool
         The player is paused until the first page comes.
 
@@ -128,12 +118,11 @@ class Hub:
         player: Player,
         layers: Layers,
         first: Mapping[str, Any],
-        counts: Callable[[], Mapping[str, int]] | None = None,
         *,
         waits: bool = False,
     ) -> None:
         self.scene, self.player, self.layers = scene, player, layers
-        self.first, self._counts = first, counts
+        self.first = first
         self.clients: set[Client] = set()
         self.error: Exception | None = None
         self.mate: Hub | None = None
@@ -283,7 +272,7 @@ class Hub:
 
     def state(self) -> dict[str, Any]:
         """Where the player stands."""
-        player = self.player
+        player, counts = self.player, self.player.totals()
         return {
             "paused": player.paused,
             "seekable": player.seekable,
@@ -295,7 +284,7 @@ class Hub:
             "zero_minutes": None if player.zero_age is None else int(player.zero_age // 60),
             "ended": player.ended,
             "error": self.failure(),
-            "unfit": self._unfit(),
+            "unfit": sum(counts.get(name, 0) for name in UNFIT),
         }
 
     def failure(self) -> str | None:
@@ -305,11 +294,6 @@ class Hub:
                 why = " ".join(str(error).split()) or type(error).__name__
                 return f"the {name} failed: {why}"
         return None
-
-    def _unfit(self) -> int:
-        """Samples that were left out, as they do not follow the layout of the skin."""
-        counts = {} if self._counts is None else self._counts()
-        return sum(counts.get(name, 0) for name in UNFIT)
 
     def _tell_state(self) -> None:
         """Tell all pages when the player stands differently than they know, not at each sample."""
@@ -384,16 +368,10 @@ class Hub:
                 self._describe(client, name, str(wish["part"]), int(wish["taxel"]))
             else:
                 self._wishes[name](client, wish)
-                self._tell_others(client, name)
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             client.tell({"kind": "problem", "text": "the page asked for something unknown"})
         except SkinError as error:
             client.tell({"kind": "problem", "text": str(error)})
-
-    def _tell_others(self, client: Client, name: str) -> None:
-        """All pages show the same player: say so where another page has led it."""
-        for other in self.clients - {client} if name in LED else ():
-            other.tell({"kind": "notice", "text": f"another page {LED[name]}"})
 
     def _ask_layer(self, client: Client, name: str) -> None:
         """Show another layer as soon as it is made: structures take a second, samples go on."""

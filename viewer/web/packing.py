@@ -43,18 +43,6 @@ def pack(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes
     return b"".join([head, bytes(-len(head) % 8), *blobs])
 
 
-def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Header and flat arrays of a message."""
-    length = int.from_bytes(message[:4], "little")
-    header = json.loads(message[4 : 4 + length])
-    start = 4 + length + -(4 + length) % 8
-    arrays = {
-        name: np.frombuffer(message, "<" + kind, count, start + offset)
-        for name, (kind, offset, count) in header.pop("arrays").items()
-    }
-    return header, arrays
-
-
 def finite(value: float | None) -> float | None:
     """A number for JSON: None where it is not known."""
     return None if value is None or not np.isfinite(value) else float(value)

@@ -12,21 +12,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray
 from skinmap.errors import SkinError
 from skinmap.geometry.topology import edges
+from skinmap.geometry.triangles import unit
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.recognition.answers import answers_object
 from viewer.colours import touch_colour
 from viewer.drawing.body.bare_body import posed
 from viewer.drawing.panel.touch_list import caption, details
-from viewer.drawing.touches.outlines import Outline, outline_touch
+from viewer.drawing.touches.outlines import outline_touch
 from viewer.drawing.touches.touch_marks import motion_way
 from viewer.drawing.touches.traces import touch_force
 from viewer.health import STATES
 from viewer.layers import Layer, Layers
 from viewer.playing.recent_moments import Timeline
+from viewer.results import LAYERS
 from viewer.web.packing import finite, pack
 from viewer.web.scene_data import WebScene, pack_poses
 
@@ -163,15 +163,19 @@ class SampleWriter:
         layer = self.scene.layers[touch.part]
         outline = outline_touch(layer, touch, others)
         name = f"outline{len(arrays)}"
-        self._add_outline(arrays, name, outline, self.scene.first_vertex[touch.part])
+        # Both ends of each segment: vertices of the edge that it lies on, and where.
+        ends = np.stack([outline.first, outline.second], axis=-1)
+        ends += self.scene.first_vertex[touch.part]
+        small = sum(len(one.points) for one in self.scene.layers.values()) < 65536
+        arrays[name] = ends.astype(np.uint16 if small else np.uint32)
+        arrays[f"{name}.share"] = np.rint(SHARES * outline.share).astype(np.uint16)
         normal, way = touch.normal, motion_way(touch)
         if normal is None:
-            normal = mean_direction(layer.skin.normals[touch.taxels])
+            normal = unit(layer.skin.normals[touch.taxels].sum(axis=0))
         return {
             "part": touch.part,
             "label": touch.label,
             "confidence": finite(round(touch.confidence, 4)),
-            **answers_object(touch.answers),
             "text": caption(touch),
             "colour": touch_colour(touch),
             "identity": touch.identity,
@@ -186,22 +190,6 @@ class SampleWriter:
             "ahead": None if way is None else (way[0] * way[1]).round(5).tolist(),
             "outline": name,
         }
-
-    def _add_outline(
-        self, arrays: dict[str, NDArray[Any]], name: str, outline: Outline, first: int
-    ) -> None:
-        """Both ends of each segment: vertices of the edge that it lies on, and where."""
-        small = sum(len(layer.points) for layer in self.scene.layers.values()) < 65536
-        ends = np.stack([outline.first, outline.second], axis=-1) + first
-        arrays[name] = ends.astype(np.uint16 if small else np.uint32)
-        arrays[f"{name}.share"] = np.rint(SHARES * outline.share).astype(np.uint16)
-
-
-def mean_direction(normals: FloatArray) -> FloatArray:
-    """(3,) unit vector along the sum of unit vectors (k, 3); zero where they cancel."""
-    total = np.asarray(normals.sum(axis=0))
-    length = float(np.linalg.norm(total))
-    return total / length if length > 1e-9 else np.zeros(3)
 
 
 def pack_reel(
@@ -230,7 +218,7 @@ def pack_reel(
         Width and height of the robot's picture [px].
     """
     arrays: dict[str, NDArray[Any]] = {}
-    shown = [layers.get(name) for name in layers.names]
+    shown = [layers.get(name) for name in LAYERS]
     writer = SampleWriter(scene, layers)
     nothing = {part: np.full(len(skin), np.nan) for part, skin in scene.skins.items()}
     headers: list[dict[str, Any]] = []

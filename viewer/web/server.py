@@ -31,11 +31,11 @@ from viewer.interaction.saving import check_view
 from viewer.interaction.view_file import SavedView, content_of
 from viewer.layers import Layers
 from viewer.pair import LEFT, RIGHT, Pair
-from viewer.playing.overview import fill_overview
-from viewer.playing.paired_player import PairedPlayer, in_step
+from viewer.playing.overview import new_players
+from viewer.playing.paired_player import PairedPlayer
 from viewer.playing.player import Player
 from viewer.results import ViewPage
-from viewer.view_options import Look, Session, drawn_links, look_beside, new_layers
+from viewer.view_options import Look, Session, look_beside, new_layers
 from viewer.web.files import packed_files, page_files, served_files
 from viewer.web.guard import (
     LIVE,
@@ -76,18 +76,9 @@ def serve(
     host: str = LOOPBACK,
     port: int = PORT,
     token: str | None = None,
-    layers: Layers | None = None,
-    layer: str = "pressure",
-    style: str = "surface",
-    angles: Mapping[str, float] | None = None,
-    links: Links = None,
-    view: SavedView | None = None,
-    size: tuple[int, int] | None = None,
-    title: str | None = None,
-    counts: Callable[[], Mapping[str, int]] | None = None,
     clients: int = CLIENTS,
-    waits: bool = False,
     beside: Hub | None = None,
+    **shown: Any,
 ) -> WebServer:
     """Start to serve a robot; the player is started and stays the caller's to close.
 
@@ -105,28 +96,13 @@ def serve(
     token : str, optional
         First part of the address; random by default. With the same one and the same port a page
         that is open finds the server again after it was started anew.
-    layers : Layers, optional
-        With covariances and healths where there are any.
-    layer, style : str
-        What a page shows first.
-    angles : mapping of str to float, optional
-        Joint angles [rad]; the robot's natural pose by default.
-    links : iterable of str, optional
-        Links to draw; all that have a mesh by default.
-    view : SavedView, optional
-        That a page begins with.
-    size : (int, int), optional
-        Width and height of the robot's picture [px]; as large as the page by default.
-    title : str, optional
-        Heading of the page; the robot's name by default.
-    counts : callable, optional
-        What became of the source's samples: a `TouchLoop`'s `totals`.
     clients : int
         Pages at once.
-    waits : bool
-        The player is paused until the first page comes.
     beside : Hub, optional
         What stands at the right of it, from `new_hub`.
+    shown
+        What a page shows first, as `viewer.web.server.new_hub` takes it: layers, layer, style,
+        angles, links, view, size, title, waits.
 
     Returns
     -------
@@ -151,10 +127,7 @@ def serve(
     token = new_token() if token is None else check_token(token)
     listening = bind(host, port)
     try:
-        hub = new_hub(
-            robot, skins, player, layers=layers, layer=layer, style=style, angles=angles,
-            links=links, view=view, size=size, counts=counts, waits=waits, title=title,
-        )  # fmt: skip
+        hub = new_hub(robot, skins, player, **shown)
     except BaseException:
         listening.close()
         raise
@@ -185,16 +158,37 @@ def new_hub(
     view: SavedView | None = None,
     size: tuple[int, int] | None = None,
     title: str | None = None,
-    counts: Callable[[], Mapping[str, int]] | None = None,
     waits: bool = False,
 ) -> Hub:
-    """What the pages of a robot are told; the parameters are those of `serve`."""
+    """What the pages of a robot are told.
+
+    Parameters
+    ----------
+    robot, skins, player
+        As `serve` takes them.
+    layers : Layers, optional
+        With covariances and healths where there are any.
+    layer, style : str
+        What a page shows first.
+    angles : mapping of str to float, optional
+        Joint angles [rad]; the robot's natural pose by default.
+    links : iterable of str, optional
+        Links to draw; all that have a mesh by default.
+    view : SavedView, optional
+        That a page begins with.
+    size : (int, int), optional
+        Width and height of the robot's picture [px]; as large as the page by default.
+    title : str, optional
+        Heading of the page; the robot's name by default.
+    waits : bool
+        The player is paused until the first page comes.
+    """
     layers = Layers(skins) if layers is None else layers
     layers.get(layer)
     saved = None if view is None else content_of(view)
     first = {"layer": layer, "style": style, "view": saved, "size": size, "title": title}
     scene = make_scene(robot, skins, angles=angles, links=links)
-    return Hub(scene, player, layers, first, counts, waits=waits)
+    return Hub(scene, player, layers, first, waits=waits)
 
 
 def bind(host: str, port: int) -> socket.socket:
@@ -250,7 +244,6 @@ class WebServer:
         }
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
-        self._error: BaseException | None = None
         self._ready = threading.Event()
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._run, name="web", daemon=True)
@@ -436,18 +429,14 @@ async def _in_pieces(connection: ServerConnection, answer: Response) -> Response
     return Rest(answer.status_code, answer.reason_phrase, answer.headers, bytes(whole[last:]))
 
 
-def serve_web(
-    session: Session,
-    look: Look,
-    *,
-    host: str,
-    port: int,
-    seconds: float | None,
-    token: str | None = None,
-    other: Session | None = None,
-    later: float = 0.0,
-) -> ViewPage:
+def serve_web(session: Session, look: Look, *, seconds: float | None, **where: Any) -> ViewPage:
     """Serve the scene to a browser until it is interrupted, or for so many seconds.
+
+    Parameters
+    ----------
+    session, look, where
+        As `served` takes them.
+    seconds : float or None
 
     Raises
     ------
@@ -462,9 +451,7 @@ def serve_web(
     import click
 
     tell = partial(click.echo, err=True)
-    with served(
-        session, look, tell, host=host, port=port, token=token, other=other, later=later
-    ) as (server, player):
+    with served(session, look, **where) as (server, player):
         tell(server.url)
         with contextlib.suppress(KeyboardInterrupt):
             wait(server.hub, math.inf if seconds is None else seconds, tell)
@@ -479,7 +466,6 @@ def serve_web(
 def served(
     session: Session,
     look: Look,
-    tell: Callable[[str], None],
     *,
     host: str = LOOPBACK,
     port: int = 0,
@@ -493,8 +479,6 @@ def served(
     ----------
     session : Session
     look : Look
-    tell : callable
-        Told in a line what goes wrong beside.
     host, port, token
         As for `viewer.web.server.serve`.
     other : Session, optional
@@ -503,36 +487,30 @@ def served(
         How much later that stands in its recording [s].
     """
     with contextlib.ExitStack() as ended:
-        sides = []
-        for one in [session] if other is None else [session, other]:
-            loop = one.live()
-            waits = not loop.live  # for the first page
-            player = ended.enter_context(PairedPlayer(loop, paused=waits))
-            player.speed = session.speed
-            fill_overview(one, player)
+        sessions = [session] if other is None else [session, other]
+        sides, beside = [], None
+        for one, player in zip(sessions, new_players(sessions, later), strict=True):
+            ended.callback(player.close)
             mine = look if one is session else look_beside(look, session, one)
             shown: dict[str, Any] = {
-                "waits": waits, "layers": new_layers(one, mine), "size": mine.size,
+                "waits": player.paused, "layers": new_layers(one, mine), "size": mine.size,
                 "layer": mine.layer or "pressure", "style": mine.style or "surface",
-                "angles": mine.angles or None, "links": drawn_links(one, mine),
-                "view": first_view(one, mine), "counts": loop.totals,
+                "angles": mine.angles or None, "links": mine.links,
+                "view": first_view(one, mine),
             }  # fmt: skip
             sides.append((player, shown))
-        (player, first), beside = sides[0], None
-        if other is not None:
-            mate, second = sides[1]
-            in_step(player, mate, later=later)
+        (player, first), *others = sides
+        for mate, second in others:
             Pair(first["layers"], second["layers"])
-            for side, one, (_, shown) in zip((LEFT, RIGHT), (session, other), sides, strict=True):
+            for side, one, (_, shown) in zip((LEFT, RIGHT), sessions, sides, strict=True):
                 shown["title"] = f"{side}: {one.title}"
-            beside = new_hub(other.robot, other.skins, mate, **second)
+            beside = new_hub(sessions[1].robot, sessions[1].skins, mate, **second)
             mate.start()
-        yield ended.enter_context(
-            serve(
-                session.robot, session.skins, player,
-                host=host, port=port, token=token, beside=beside, **first,
-            )
-        ), player  # fmt: skip
+        page = serve(
+            session.robot, session.skins, player,
+            host=host, port=port, token=token, beside=beside, **first,
+        )  # fmt: skip
+        yield ended.enter_context(page), player
 
 
 def first_view(session: Session, look: Look) -> SavedView | None:

@@ -40,6 +40,11 @@ class Playback(Seekable):
     overview : Overview, optional
         What is in it second by second.
 
+    Attributes
+    ----------
+    most : int
+        Samples that one read gives at most while it plays as fast as it is asked.
+
     Notes
     -----
     Nothing is left out: a slow reader gets all samples that are due. Times are the recording's
@@ -60,7 +65,7 @@ class Playback(Seekable):
         overview: Overview | None = None,
     ) -> None:
         super().__init__(info)
-        self.marks, self.overview = tuple(marks), overview
+        self.marks, self.overview, self.most = tuple(marks), overview, MAX_BLOCK
         self._values = values
         self._joints = tuple(joints)
         self._angles = np.zeros((0, 0)) if angles is None else np.asarray(angles, np.float64)
@@ -228,7 +233,7 @@ class Playback(Seekable):
         """What is due, and the row moved behind it."""
         row = self._row
         if np.isinf(self._speed):
-            stop = row + MAX_BLOCK
+            stop = row + self.most
         elif self._when(self._times[row]) > now:
             return None
         else:

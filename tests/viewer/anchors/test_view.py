@@ -53,6 +53,15 @@ def view(opengl, session, tmp_path):
     made.shut()
 
 
+def pixel(view, point, *, board=False):
+    """The pixel of a point (3,) on the link or the board [m], from the lower left."""
+    from viewer.drawing.frame.camera import project
+
+    renderer = view.board.renderer if board else view.link.renderer
+    x, y = project(renderer, np.asarray(point)[None])[0] + renderer.GetOrigin()
+    return round(x), round(y)
+
+
 @pytest.fixture
 def hand(view):
     """Mouse and keys: events as a window's own interactor gets them."""
@@ -79,10 +88,10 @@ def hand(view):
             self.drag((x, y), (x, y))
 
         def taxel(self, row):
-            self.click(*view.pixel([*view.session.board.layout[row], 0.0], board=True))
+            self.click(*pixel(view, [*view.session.board.layout[row], 0.0], board=True))
 
         def point(self, place):
-            self.click(*view.pixel(place))
+            self.click(*pixel(view, place))
 
         def key(self, name):
             interactor.SetEventInformation(1, 1, 0, 0, name[0], 0, name)
@@ -118,7 +127,7 @@ def test_clicks_on_board_and_link_become_anchors_and_a_patch(view, hand, places)
 def test_a_point_may_come_first_and_a_drag_turns_the_link(view, hand, places):
     camera = view.link.renderer.GetActiveCamera()
     before = camera.GetPosition()
-    x, y = view.pixel(places[14])
+    x, y = pixel(view, places[14])
     hand.drag((x, y), (x + 60, y + 20))
     assert camera.GetPosition() != before
     assert view.session.point is None

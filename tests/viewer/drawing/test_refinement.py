@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from skinmap.geometry.topology import check_surface, euler_number
+from skinmap.geometry.topology import border_edges, check_surface, euler_number
 from skinmap.geometry.triangles import face_normals
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.surface_mesh import build_surface
-from viewer.drawing.skin.refinement import boundary_edges, refine, split
+from viewer.drawing.skin.refinement import refine, split
 
 
 @pytest.fixture(scope="module")
@@ -51,7 +51,7 @@ def test_refine_is_nearer_to_a_smooth_bump_than_straight_edges(plane):
         return np.exp(-((points - plane.vertices.mean(axis=0)) ** 2).sum(axis=1) / 0.02**2)
 
     fine = refine(plane, 1)
-    inside = np.setdiff1d(np.arange(len(fine.positions)), boundary_edges(fine.faces))
+    inside = np.setdiff1d(np.arange(len(fine.positions)), border_edges(fine.faces))
     truth, values = bump(fine.positions), bump(plane.vertices)
     smooth, linear = (np.abs(w @ values - truth)[inside].max() for w in (fine.smooth, fine.linear))
     assert smooth < 0.5 * linear

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from skinmap.live.moment import Moment
+from tests.viewer.unpacking import unpack
 from viewer import write_html
+from viewer.results import LAYERS
 from viewer.web.files import joined_scripts, page_files
-from viewer.web.packing import unpack
 
 
 @pytest.fixture
@@ -37,7 +38,7 @@ def test_page_holds_all_layers_taxels_and_touches(at_rest, played, tmp_path):
     page = write_html(at_rest, tmp_path / "scene.html").read_text()
     header, arrays = message(page, "reel")
     n = sum(len(layer.skin) for layer in at_rest.layers.values())
-    assert [layer["name"] for layer in header["layers"]] == list(at_rest.data.names)
+    assert [layer["name"] for layer in header["layers"]] == list(LAYERS)
     (moment,) = header["moments"]
     for name in moment["values"].values():
         assert arrays[name].size == n

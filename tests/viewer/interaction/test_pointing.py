@@ -88,22 +88,6 @@ def test_click_chooses_taxel_module_and_patch_on_body_and_map(window, hands, icu
     assert scene.selection == {}
 
 
-def test_keys_choose_what_is_pointed_at(window, hands, icub):
-    owners, on_map = hands.map_places()
-    skin = icub.skin("torso")
-    hands.key("m")
-    assert "point at a taxel" in window.controls.notice.text
-    hands.hover(*on_map[40])
-    hands.key("m")
-    assert np.array_equal(
-        window.scene.selection["torso"], np.flatnonzero(skin.modules == skin.modules[owners[40]])
-    )
-    hands.key("p")
-    assert owners[40] in window.scene.selection["torso"]
-    hands.key("c")
-    assert window.scene.selection == {}
-
-
 def test_lasso_on_the_map_chooses_what_it_encloses(window, hands):
     owners, places = hands.map_places()
     low, high = places.min(axis=0), places.max(axis=0)

@@ -150,16 +150,6 @@ def test_click_with_keys_reaches_further(shift, control, reach, add):
         assert told.calls[-1] == ("click", x + 1, 101, reach, ("add", add))
 
 
-def test_cancelled_lasso_chooses_nothing():
-    told = Told()
-    mouse = Mouse(told)
-    mouse.press(600, 100)
-    mouse.move(620, 140)
-    mouse.cancel()
-    mouse.release(640, 100)
-    assert "enclose" not in told.names()
-
-
 def test_pace_lets_through_one_in_a_period():
     now = [0.0]
     pace = Pace(0.1, lambda: now[0])

@@ -22,7 +22,7 @@ from skinmap.live.touched_taxels import touch_stretches
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.interaction.overlays import lane_columns
 from viewer.playing.overview import fill_overview
-from viewer.playing.player import LoopFeed, Player, stepwise
+from viewer.playing.player import LoopFeed, Player
 from viewer.playing.recent_moments import Timeline
 from viewer.view_options import Session
 
@@ -133,7 +133,7 @@ def test_plots_have_what_was_before_after_every_jump():
     values = np.zeros((400, 240), np.uint8)
     values[100:110, :5] = 90
     info = StreamInfo("still", ("torso",), (240,), 10.0)
-    loop = TouchLoop(robot, stepwise(Playback(info, times, values)))
+    loop = TouchLoop(robot, Playback(info, times, values))
     rng = np.random.default_rng(1)
     with Player(loop, paused=True) as player:
         assert player.wait(0, 10.0)

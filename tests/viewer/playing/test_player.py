@@ -309,7 +309,6 @@ def test_real_recording_is_led_to_the_sample(icub, rate):
     """Through playback and touch loop: what is sought and stepped to is that very sample."""
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.playback import Playback
-    from viewer.playing.player import Stepwise
 
     n = len(icub.skin("left_hand"))
     count = 400
@@ -317,7 +316,7 @@ def test_real_recording_is_led_to_the_sample(icub, rate):
     values = np.zeros((count, n), np.uint8)
     values[:, 3] = np.arange(count) % 200
     info = StreamInfo("rising", ("left_hand",), (n,), rate)
-    loop = TouchLoop(icub, Stepwise(Playback(info, times, values)))
+    loop = TouchLoop(icub, Playback(info, times, values))
     with Player(loop, paused=True) as player:
 
         def row() -> int:
@@ -344,11 +343,11 @@ def test_real_recording_is_led_to_the_sample(icub, rate):
 
 def test_one_by_one_passes_no_sample_over():
     from skinmap.live.sources.playback import Playback
-    from viewer.playing.player import Stepwise
 
     values = np.arange(300, dtype=np.float32)[:, None]
     info = StreamInfo("numbers", ("arm",), (1,), RATE)
-    source = Stepwise(Playback(info, np.arange(300) / RATE, values, speed=np.inf))
+    source = Playback(info, np.arange(300) / RATE, values, speed=np.inf)
+    source.most = 1
     seen = []
     with pytest.raises(SourceEnded):
         while True:

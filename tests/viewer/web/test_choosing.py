@@ -90,20 +90,6 @@ def test_clicks_choose_taxel_module_and_patch(tab, icub, prepared):
     assert tab.page.locator("#pick").is_hidden()
 
 
-def test_keys_choose_module_and_patch_of_what_is_pointed_at(tab, icub):
-    tab.page.keyboard.press("m")
-    assert tab.page.locator("#notice").inner_text() == "point at a taxel first"
-    tab.page.mouse.move(*on_map(tab, 100))
-    tab.wait("#hover")
-    tab.page.keyboard.press("m")
-    modules = icub.skin("torso").modules
-    assert chosen(tab) == np.flatnonzero(modules == modules[100]).tolist()
-    tab.page.keyboard.press("p")
-    assert len(chosen(tab)) > 100
-    tab.page.keyboard.press("c")
-    assert chosen(tab) == []
-
-
 def test_a_lasso_chooses_what_it_encloses_and_shift_adds(tab):
     box = tab.page.locator("#flat").bounding_box()
 

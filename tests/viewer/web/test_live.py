@@ -98,7 +98,7 @@ def test_a_recording_is_played_and_gets_its_names(session, open_tab, tmp_path):
     recording = tmp_path / "touches.npz"
     words = ["simulate", "icub", "--part", PART, "--per-gesture", "3", "-o", str(recording)]
     assert CliRunner().invoke(cli, words).exit_code == 0
-    with served(session(str(recording)), Look(links="skin"), print) as (server, player):
+    with served(session(str(recording)), Look(links="skin")) as (server, player):
         player.loop = True
         tab = open_tab(server.url)
         tab.wait(".label:has-text('%')")  # a name with its confidence
@@ -112,7 +112,7 @@ def test_what_becomes_of_a_live_stream_is_told_and_the_page_stays(
     session, publish, open_tab, address
 ):
     publish()
-    with served(session(address), Look(links="skin"), print) as (server, _):
+    with served(session(address), Look(links="skin")) as (server, _):
         tab = open_tab(server.url)
         tab.wait(".label")
         tab.wait("#time:enabled")  # what was seen can be led through

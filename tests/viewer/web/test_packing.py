@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viewer.web.packing import TYPES, finite, pack, unpack
+from tests.viewer.unpacking import unpack
+from viewer.web.packing import TYPES, finite, pack
 
 
 @given(

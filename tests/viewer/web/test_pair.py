@@ -33,7 +33,7 @@ def pair(icub, prepared, opengl, sources) -> Iterator[Callable[..., WebServer]]:
     left, right = (
         Session(icub, (PART,), source=source, skins={PART: prepared(PART)}) for source in sources
     )
-    with served(left, Look(links="skin"), print, other=right, later=0.5) as (server, _):
+    with served(left, Look(links="skin"), other=right, later=0.5) as (server, _):
         yield server
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from skinmap.live.moment import Moment
+from tests.viewer.unpacking import unpack
 from viewer.drawing.touches.outlines import outline_touch
 from viewer.interaction.describe import describe
 from viewer.layers import LAYERS, Layers
-from viewer.web.packing import unpack
 from viewer.web.sample import (
     UNKNOWN,
     SampleWriter,

@@ -15,9 +15,9 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from skinmap.errors import InvalidArrayError, SkinWarning, UnknownNameError, UnreachableError
 from skinmap.live.moment import Moment
+from tests.viewer.unpacking import unpack
 from viewer.web.files import page_files, served_files
 from viewer.web.guard import LIVE
-from viewer.web.packing import unpack
 from viewer.web.server import LARGEST, bind
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 
 import numpy as np
 import pyvista as pv
@@ -11,16 +12,16 @@ from vtkmodules.vtkRenderingCore import vtkActor2D, vtkImageMapper
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.flat.flat_map import FlatMap
+from skinmap.geometry.topology import border_edges
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.touch.contacts.skin_geometry import ACTIVE
-from skinmap.touch.images.contact_image import ContactImageGeometry, taxel_grid
+from skinmap.touch.images.contact_image import taxel_grid
 from skinmap.touch.images.paper_image import SIZE, paper_images
 from viewer.colours import FAINT, PANEL, RIM, touch_colour
 from viewer.drawing.frame.camera import look_down
 from viewer.drawing.frame.polydata import add_actor, make_lines
 from viewer.drawing.panel.touch_list import TouchList
-from viewer.drawing.skin.draw_positions import Places, flat_places, raised
-from viewer.drawing.skin.refinement import boundary_edges
+from viewer.drawing.skin.draw_positions import flat_places, raised
 from viewer.drawing.skin.skin_layer import SkinLayer
 from viewer.drawing.skin.taxel_drawing import ColourTable, TaxelDrawing
 from viewer.drawing.touches.touch_marks import (
@@ -84,8 +85,10 @@ class FlatPanel:
         self.renderer.parallel_projection = True
         self.part = ""
         self.font_px = font_px
-        self._places: dict[str, Places] = {}
-        self._grounds: dict[str, Ground] = {}
+        # Where the skin of a part lies on its flat map, what marks on it lie on, and its image.
+        self.places = cache(lambda part: flat_places(flat_maps[part], layers[part].fine, DOT))
+        self.ground = cache(lambda part: Ground.of(layers[part], self.places(part)))
+        self._grid = cache(lambda part: taxel_grid(flat_maps[part]))
         self.drawing = TaxelDrawing(plotter, table)
         self._border = add_actor(plotter, pv.PolyData(), colour=RIM, width=1.5)
         self._scale = add_actor(plotter, pv.PolyData(), colour=FAINT, width=1.5)
@@ -97,7 +100,6 @@ class FlatPanel:
         self._levels.SetColorLevel(127.5)
         self._image.SetVisibility(False)
         self.renderer.AddViewProp(self._image)
-        self._grids: dict[str, ContactImageGeometry] = {}
         self._caption = Line(self.renderer, (SIDE, 0.965), font_px, bold=True)
         self._about = Line(self.renderer, (SIDE, 0.93), font_px, colour=FAINT)
         self._length = Line(self.renderer, (SIDE, 0.31), font_px, colour=FAINT)
@@ -130,29 +132,13 @@ class FlatPanel:
         self.part = part
         places, skin = self.places(part), self.layers[part].skin
         self.drawing.turn_to(places)
-        edges = boundary_edges(places.faces)
+        edges = border_edges(places.faces)
         line = raised(places.points[:, :2], BORDER_RISE)
         self._border.mapper.dataset = make_lines(line, edges)
         charts = len(self.flat_maps[part].charts)
         self._caption.write(f"flat map: {part.replace('_', ' ')}")
         taxels = "1 taxel" if len(skin) == 1 else f"{len(skin)} taxels"
         self._about.write(f"{taxels}, {charts} {'patch' if charts == 1 else 'patches'}")
-
-    def places(self, part: str) -> Places:
-        """Where the skin of a part lies on its flat map."""
-        if part not in self._places:
-            self._places[part] = flat_places(self.flat_maps[part], self.layers[part].fine, DOT)
-        return self._places[part]
-
-    def ground(self, part: str) -> Ground:
-        """What marks on the flat map of a part lie on."""
-        if part not in self._grounds:
-            self._grounds[part] = Ground.of(self.layers[part], self.places(part))
-        return self._grounds[part]
-
-    def coordinates(self) -> FloatArray:
-        """(w, 2) flat-map coordinates of the vertices of the sheet shown [m]."""
-        return self.places(self.part).points[:, :2]
 
     def colour(
         self, layer: Layer, style: str, field: FloatArray | None, values: FloatArray
@@ -174,9 +160,7 @@ class FlatPanel:
         self._image.SetVisibility(shown)
         if not shown:
             return
-        if self.part not in self._grids:
-            self._grids[self.part] = taxel_grid(self.flat_maps[self.part])
-        grey = paper_images(self._grids[self.part], felt[None], size=(rows, columns))[0]
+        grey = paper_images(self._grid(self.part), felt[None], size=(rows, columns))[0]
         picture = pv.ImageData(dimensions=(columns, rows, 1))
         picture.point_data["grey"] = grey[::-1].ravel()
         self._levels.SetInputData(picture)
@@ -189,7 +173,7 @@ class FlatPanel:
         self.font_px = font_px
         width, height = self.renderer.GetSize()
         key = (self.part, width, height, font_px, self._plotted)
-        uv = self.coordinates()
+        uv = self.places(self.part).points[:, :2]
         side = SIDE * width
         low = self.list.height(font_px) + font_px
         if self._plotted:

@@ -65,11 +65,15 @@ def refine(mesh: SurfaceMesh, levels: int = 1) -> FineSurface:
         taxels, positions, faces = _discs(mesh.skin)
         normals = mesh.skin.normals[taxels]
     coarse = faces
-    smooth = _shared(mesh.representative)[taxels]
+    n = len(mesh.representative)
+    # Taxels that are one vertex of the mesh have its mean.
+    smooth = means(mesh.representative, np.arange(n), (n, n))[taxels]
     linear = smooth
     for _ in range(levels):
         ends, halves = split(faces)
-        middle, slopes = _averages(ends, len(positions)), _slopes(positions, faces, ends)
+        rows = np.repeat(np.arange(len(ends)), 2)
+        middle = means(rows, ends.ravel(), (len(ends), len(positions)))
+        slopes = _slopes(positions, faces, ends)
         smooth = vstack([smooth, (middle + slopes) @ smooth], format="csr")
         linear = vstack([linear, middle @ linear], format="csr")
         positions = np.vstack([positions, _curved(positions, normals, ends)])
@@ -118,25 +122,10 @@ def unsplit(faces: IntArray) -> IntArray:
     return np.stack([faces[k * m : (k + 1) * m, 0] for k in range(3)], axis=1)
 
 
-def boundary_edges(faces: IntArray) -> IntArray:
-    """(b, 2) edges with a face on one side only, in the direction of that face."""
-    directed = half_edges(faces)
-    size = int(faces.max(initial=-1)) + 1
-    forth, back = directed[:, 0] * size + directed[:, 1], directed[:, 1] * size + directed[:, 0]
-    return directed[~np.isin(forth, back)]
-
-
-def _shared(representative: IntArray) -> csr_array:
-    """(n, n) mean over taxels that are one vertex of the mesh."""
-    n = len(representative)
-    count = np.bincount(representative, minlength=n)
-    share = 1.0 / count[representative]
-    return coo_array((share, (representative, np.arange(n))), shape=(n, n)).tocsr()
-
-
-def _averages(ends: IntArray, n: int) -> csr_array:
-    row = np.repeat(np.arange(len(ends)), 2)
-    return coo_array((np.full(ends.size, 0.5), (row, ends.ravel())), (len(ends), n)).tocsr()
+def means(row: IntArray, column: IntArray, shape: tuple[int, int]) -> csr_array:
+    """Sparse matrix whose rows are the means over their columns, each pair (row, column) one."""
+    count = np.bincount(row, minlength=shape[0])
+    return coo_array((1.0 / count[row], (row, column)), shape=shape).tocsr()
 
 
 def _slopes(positions: FloatArray, faces: IntArray, ends: IntArray) -> csr_array:

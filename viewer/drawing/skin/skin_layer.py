@@ -7,15 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 import pyvista as pv
 from numpy.typing import ArrayLike
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.topology import edges
+from skinmap.geometry.topology import border_edges, edges
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh
 from viewer.drawing.frame.polydata import make_mesh
 from viewer.drawing.skin.draw_positions import LIFT, Places, body_places
-from viewer.drawing.skin.refinement import FineSurface, boundary_edges, refine
+from viewer.drawing.skin.refinement import FineSurface, means, refine
 from viewer.layers import check_values
 
 LINE_LIFT = 0.9e-3  # outlines above the sheet [m]
@@ -96,7 +96,7 @@ def build_layer(mesh: SurfaceMesh, *, levels: int = 1) -> SkinLayer:
         places,
         underside(places.points, fine),
         underside(places.points, fine, quick=True),
-        boundary_edges(fine.faces),
+        border_edges(fine.faces),
         beside,
         fine.smooth @ beside,
         np.zeros(len(mesh.skin)),
@@ -109,8 +109,7 @@ def neighbour_mean(mesh: SurfaceMesh) -> csr_array:
     a, b = edges(mesh.faces).T
     taxel = np.arange(n)
     row, column = np.concatenate([a, b, taxel]), np.concatenate([b, a, mesh.representative])
-    count = np.bincount(row, minlength=n)
-    return coo_array((1.0 / count[row], (row, column)), shape=(n, n)).tocsr()
+    return means(row, column, (n, n))
 
 
 def underside(points: FloatArray, fine: FineSurface, *, quick: bool = False) -> pv.PolyData:
@@ -120,7 +119,7 @@ def underside(points: FloatArray, fine: FineSurface, *, quick: bool = False) -> 
     one is an edge of the unrefined mesh without a back: where a body is drawn, it hides the back.
     """
     faces = fine.coarse if quick else fine.faces
-    used, number = np.unique(boundary_edges(faces), return_inverse=True)
+    used, number = np.unique(border_edges(faces), return_inverse=True)
     a, b = number.reshape(-1, 2).T
     n = len(used)
     edge = np.concatenate([np.stack([a, a + n, b + n], axis=1), np.stack([a, b + n, b], axis=1)])

@@ -13,12 +13,12 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import tangent_frames, transform_directions, transform_points
+from skinmap.geometry.topology import border_edges
 from skinmap.live.contacts.named_touch import NamedTouch
 from viewer.colours import INK, TRACES, mixed, repeated, rgb, touch_colour
 from viewer.colours import faded as pale
 from viewer.drawing.frame.polydata import add_actor, make_mesh, show_cells
 from viewer.drawing.skin.draw_positions import LIFT, Places
-from viewer.drawing.skin.refinement import boundary_edges
 from viewer.drawing.skin.skin_layer import LINE_LIFT, SkinLayer
 from viewer.drawing.touches.outlines import OutlineLayer, outline, touch_field
 
@@ -68,7 +68,7 @@ class Ground:
         tree = cKDTree(layer.fine.positions)
         point = np.zeros(len(layer.fine.positions), np.int64)
         point[places.vertex] = np.arange(len(places.vertex))
-        return cls(places, boundary_edges(places.faces), tree, point)
+        return cls(places, border_edges(places.faces), tree, point)
 
     def carried(self, points: FloatArray, lift: float) -> FloatArray:
         """(p, 3) where points (p, 3) of the skin [m] lie on this surface, lifted above it."""

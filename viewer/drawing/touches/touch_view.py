@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from functools import cache
 
 import numpy as np
 import pyvista as pv
@@ -54,7 +55,7 @@ class TouchView:
         self.marks = TouchMarks(plotter)
         self.labels = LabelLayer(plotter.renderer, round(1.1 * font_px))
         self.targets: list[Target] = []
-        self._grounds: dict[str, Ground] = {}
+        self._ground = cache(lambda part: Ground.of(layers[part], layers[part].places))
         self._touches: tuple[NamedTouch, ...] = ()
         self._anchors = self._tips = np.zeros((0, 3))
         self._hidden: dict[str, bool] = {}
@@ -159,11 +160,6 @@ class TouchView:
         way = np.array(self.renderer.GetActiveCamera().GetPosition()) - self._anchors[row]
         target = self.targets[row]
         return bool(target.normals[target.middle] @ way <= 0.0)
-
-    def _ground(self, part: str) -> Ground:
-        if part not in self._grounds:
-            self._grounds[part] = Ground.of(self.layers[part], self.layers[part].places)
-        return self._grounds[part]
 
 
 def key(touch: NamedTouch, row: int) -> str:

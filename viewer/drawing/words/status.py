@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkTextActor
 
@@ -22,15 +21,11 @@ class Status:
     Parameters
     ----------
     renderer : vtkRenderer
-    clock : callable
-        Seconds of this machine.
     """
 
-    def __init__(
-        self, renderer: vtkRenderer, clock: Callable[[], float] = time.perf_counter
-    ) -> None:
-        self.renderer, self.clock = renderer, clock
-        self._fresh = clock()
+    def __init__(self, renderer: vtkRenderer) -> None:
+        self.renderer, self.clock = renderer, time.perf_counter
+        self._fresh = self.clock()
         self.stale = False
         self._line = Line(renderer, (0.0, 0.0), 12, colour=FAINT)
         self._warning = Line(renderer, (0.0, 0.0), 12, bold=True)
@@ -39,7 +34,7 @@ class Status:
         style.SetBackgroundColor(*rgb(WARNING))
         style.SetBackgroundOpacity(1.0)
         self._moment = Moment(0.0, {})
-        self._worst, self._since, self._told = 0.0, clock(), float("nan")
+        self._worst, self._since, self._told = 0.0, self._fresh, float("nan")
         self._late = ""
 
     @property

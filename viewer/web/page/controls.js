@@ -137,12 +137,6 @@ export class Controls {
   }
 
   // The module or patch of what is pointed at; where there is no mouse, of what was picked.
-  chooseOf(reach) {
-    const number = this.page.hover.number >= 0 ? this.page.hover.number : this.page.picked;
-    if (number < 0) this.say("point at a taxel first");
-    else this.page.choose(number, reach, false);
-  }
-
   clear() {
     this.page.choose(-1, "taxel", false);
   }

@@ -15,7 +15,6 @@ import { dot, place, turn } from "./matrices.js";
 import { unpack } from "./packing.js";
 import { Smoother } from "./gl_buffers.js";
 import { Picture } from "./picture.js";
-import { Port } from "./port.js";
 import { Pointer } from "./pointer.js";
 import { onTheme } from "./theme.js";
 import { Traces } from "./traces.js";
@@ -353,7 +352,6 @@ async function start() {
     const reel = await stored("reel");
     return new Page(await stored("scene"), (page) => new Film(reel, page));
   }
-  if ($("scene")) return new Page(await stored("scene"), (page) => new Port(page)); // in a notebook
   const answer = await fetch("scene.bin");
   if (!answer.ok) throw new Error(await answer.text());
   const root = new URL("live", location.href);
