@@ -247,7 +247,7 @@ FINGER, HAND, TIP = "right_finger", "r_hand", np.array([-0.12, -0.015, 0.01])
 LEFT, RIGHT = "left_forearm", "right_forearm"
 CORNER = "fingertip on a corner of a forearm"  # what must not come out `ok`
 MOVED, TURNED, ZEROS = 20e-3, np.deg2rad(10.0), np.deg2rad(0.5)  # what is planted
-TOUCHES, POOL, TRIALS = 150, 600, 20
+TOUCHES, TRIALS = 150, 20
 Pair = tuple[str, str]
 CASES: tuple[tuple[str, tuple[Pair, ...], tuple[str, ...], bool], ...] = (
     ("forearms, one unknown", ((RIGHT, LEFT),), (LEFT,), True),
