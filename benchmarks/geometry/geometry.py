@@ -269,7 +269,6 @@ def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, ob
     return {
         "taxels": len(geometry),
         "shape": list(geometry.shape),
-        "pixels_in_the_map": len(geometry.pixels),
         "quartiles_us": spreads(turns, 1e6),
         "image_us": times["image"],
         "batch_us_per_sample": times["batch"] / BATCH,

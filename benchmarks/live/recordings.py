@@ -65,7 +65,6 @@ def measure(
             "count": len(losses),
             "opened": sum(one["opened"] for one in losses),
             "most_lost_s": max((one["lost_s"] for one in losses), default=None),
-            "median_lost_s": float(np.median([one["lost_s"] for one in losses])),
             "goal_s": LONGEST_LOSS,
         },
     }
