@@ -37,7 +37,6 @@ from skinmap.recognition.protocols.samples import (
     count_votes,
     draw_samples,
     learn,
-    neighbours_within,
     resample,
     structures_of,
 )
@@ -263,7 +262,7 @@ def sweep_repeat(
     learnt = int(rng.integers(2**31))
     rows = []
     for radius in RADII:
-        structures = structures_of(ROTATED, neighbours_within(skin, radius))
+        structures = structures_of(ROTATED, skin.neighbourhoods(radius=radius))
         shapes = structures.prototypes
         for words in WORD_COUNTS:
             book = learn(ROTATED, structures, part.book, seed=learnt, words=words)
