@@ -9,7 +9,6 @@ import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
-from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Any, TypeVar
 
@@ -29,7 +28,6 @@ WHAT = "a profile (.toml, as `skinmap trade` writes it)"
 Value = str | int | float | bool
 Cost = Annotated[float, msgspec.Meta(ge=0, le=1.7e308)]  # which infinity is not
 T = TypeVar("T", bound=msgspec.Struct)
-TASKS = "skinmap.trade_tasks"  # entry points; each may have a table of its own
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,11 +111,6 @@ KNOBS: Mapping[str, Mapping[str, Allowed]] = {
 }
 
 
-def tables() -> tuple[str, ...]:
-    """Tables that a profile may have: ours, and one for each task of a plug-in."""
-    return tuple(dict.fromkeys([*KNOBS, *(point.name for point in entry_points(group=TASKS))]))
-
-
 @dataclass(frozen=True, slots=True)
 class Profile:
     """Settings by task, and where they were measured.
@@ -177,10 +170,9 @@ def read_profile(path: Path | str) -> Profile:
     path = Path(path)
     read = _read_toml(path)
     about = _about(read.pop(ABOUT, None), path)
-    known = tables()
     for name in read:
-        if name not in known:
-            raise UnknownNameError(f"table of a profile ({path})", name, [ABOUT, *known])
+        if name not in KNOBS:
+            raise UnknownNameError(f"table of a profile ({path})", name, [ABOUT, *KNOBS])
     settings: dict[str, Mapping[str, Value]] = {}
     predicted: dict[str, Mapping[str, Value]] = {}
     for task, entry in read.items():
@@ -270,12 +262,8 @@ def _check_table(table: object, kind: type[T], name: str, path: Path) -> T:
 
 
 def _settings(task: str, table: dict[str, Any], path: Path) -> dict[str, Value]:
-    known = KNOBS.get(task)
+    known = KNOBS[task]
     for knob, value in table.items():
-        if known is None:  # a plug-in's: its own command checks the values
-            if not isinstance(value, str | int | float):
-                raise DataFormatError(f"[{task}] {knob} must be a value, got {shown(value)}", path)
-            continue
         if knob not in known:
             raise UnknownNameError(f"knob of [{task}] ({path})", knob, known)
         if not known[knob].allows(value):

@@ -17,7 +17,7 @@ from skinmap.errors import (
     SkinWarning,
     UnknownNameError,
 )
-from skinmap.profile import KNOBS, MAX_BYTES, Allowed, read_profile, tables
+from skinmap.profile import KNOBS, MAX_BYTES, Allowed, read_profile
 
 HEAD = f'[profile]\nformat = 1\nskinmap = "{__version__}"\n'
 GOOD = (
@@ -143,7 +143,3 @@ def test_allowed_says_what_there_is():
     )
     assert not Allowed(any_name=True).allows("")
     assert not Allowed(any_name=True).allows(1)
-
-
-def test_tables_are_those_of_the_tasks():
-    assert set(tables()) >= {"flatten", "classify"}

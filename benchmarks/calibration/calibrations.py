@@ -100,7 +100,6 @@ def _table_row(runs: list[dict[str, Any]]) -> dict[str, Any]:
         "runs": len(runs),
         "median_mm": float(np.median([run["median"] for run in runs])),
         "p95_mm": float(np.median([run["p95"] for run in runs])),
-        "worst_median_mm": max(run["median"] for run in runs),
         "worst_median_ok_mm": max(trusted, default=None),
         "ok": len(trusted),
         "normalised_error_squared": float(np.mean([run["normalised"] for run in runs])),

@@ -88,13 +88,11 @@ def drift_rows(seed: int = 0, *, most: int | None = None) -> list[dict[str, Any]
         for name, track in TRACKERS.items():
             pressure, seconds, _ = timed(partial(track, rest, samples))
             last = pressure[end - 50 - int(10 * RATE) : end - 50, :HELD]
-            after = pressure[end + 100 :, :HELD]
             rows.append({
                 "case": case, "tracker": name,
                 "truth": f"press of {PRESS:.0f} counts (simulated)",
                 "kept_after_10_min_percent": float(100.0 * last.mean() / PRESS),
                 "false_touch_percent": 100.0 * float((pressure[:, HELD:] > 0).mean()),
-                "touch_after_release_percent": 100.0 * float((after > 0).mean()),
                 "cpu_s": seconds,
             })  # fmt: skip
     return rows

@@ -220,11 +220,6 @@ def assumed(chain: Chain) -> Chain:
     return replace(chain, mount=np.eye(4))
 
 
-def base_of(robot: Robot, links: Sequence[str]) -> str:
-    """The deepest link that all hang on."""
-    return common_ancestor(robot.body.tree, links)
-
-
 SHOULDER = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_prosup")
 JOINTS = tuple(
     f"{side}_{joint}" for side in "lr" for joint in (*SHOULDER, "wrist_pitch", "wrist_yaw")
@@ -271,7 +266,7 @@ def world(
     """Patches off by 20 mm and 10 degrees, zeros of joints by half a degree, touched in poses."""
     names = sorted({name for pair in pairs for name in pair})
     links = [HAND if name == FINGER else robot.part(name).link for name in names]
-    base = base_of(robot, links)
+    base = common_ancestor(robot.body.tree, links)
     bodies = {}
     for name in names:
         if name == FINGER:

@@ -18,7 +18,7 @@ from sklearn.svm import SVC
 import skinmap
 from benchmarks.geometry.structures import structure_rows, tiling
 from benchmarks.harness.record import command
-from benchmarks.harness.timing import medians, quartiles, ratio_quartiles, spreads, take_turns
+from benchmarks.harness.timing import medians, quartiles, ratio_quartiles, take_turns
 from benchmarks.live.live_memory import TAUGHT, train
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import Structures, find_structures
@@ -128,8 +128,6 @@ def histogram_row(rotations: int, share: float, rounds: int) -> dict[str, Any]:
         "active_share": share,
         "one_sample_us": medians(one_times, 1e6),
         "batch_us_per_sample": medians(batch_times, 1e6 / BATCH),
-        "one_sample_quartiles_us": spreads(one_times, 1e6),
-        "batch_quartiles_us_per_sample": spreads(batch_times, 1e6 / BATCH),
         "votes_that_differ": int(sum(np.abs(way - loop).sum() for way in ways)),
         "ratio_quartiles": ratios,
         "ratios": {name: middle for name, (_, middle, _) in ratios.items()},
@@ -151,10 +149,7 @@ RATIOS = {  # of two tasks on all samples
     "numpy": ("scikit_learn", "numpy"),
     "compiled": ("scikit_learn", "compiled"),
 }
-SINGLE_RATIOS = {  # on one
-    "one_sample_numpy": ("scikit_learn", "numpy"),
-    "one_sample_compiled": ("scikit_learn", "compiled"),
-}
+SINGLE_RATIOS = {"one_sample_numpy": ("scikit_learn", "numpy")}  # on one
 
 
 def measure(quick: bool, *, rounds: int = ROUNDS, seeds: int = 5) -> dict[str, Any]:
@@ -217,7 +212,7 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
     known[:, svc.support_] = intersection_kernel(z, support) / ours.scale_
     parts = (ours.support_histograms_, ours.coefficients_, ours.intercept_)
     plain, fast = intersection_function(*parts), intersection_function(*parts)
-    compiled = fast.compile()
+    fast.compile()
     one = z[:1]
     many_times = take_turns(
         {
@@ -231,7 +226,6 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
         {
             "scikit_learn": (lambda: peer(one), 5),
             "numpy": (lambda: plain(one), 100),
-            "compiled": (lambda: fast(one), 200),
         },
         rounds,
     )
@@ -242,11 +236,8 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
         "samples": test,
         "bins": x.shape[1],
         "support_vectors": len(support),
-        "compiled": compiled,
         "samples_us": medians(many_times, 1e6),
         "one_sample_us": medians(single_times, 1e6),
-        "samples_quartiles_us": spreads(many_times, 1e6),
-        "one_sample_quartiles_us": spreads(single_times, 1e6),
         "largest_difference": float(gap),
         "labels_that_differ": int((ours.predict(z) != svc.predict(known)).sum()),
         "ratio_quartiles": ratios,

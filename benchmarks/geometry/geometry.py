@@ -105,7 +105,6 @@ def measure(quick: bool, *, sizes: tuple[int, ...] = SIZES, large: int = LARGE) 
     result: dict[str, Any] = {
         "flattening": rows,
         "exponents": exponents(rows),
-        "cost_model": cost_model(rows),
         "icub": icub_row(repeats=1 if quick else 5),
         "ur10e": ur10e_row(),
         "meshing": meshing_rows((1_000,) if quick else (1_000, 10_000)),
@@ -126,19 +125,6 @@ def exponents(rows: list[dict[str, Any]]) -> dict[str, float]:
         if len(large) >= 2:
             fits[name] = float(np.polyfit(*np.log(large).T, 1)[0])
     return fits
-
-
-def cost_model(rows: list[dict[str, Any]]) -> dict[str, tuple[float, float]]:
-    """What `auto` needs: seconds at 100,000 vertices and exponent, `fast` taken off the others."""
-    model, base = {}, seconds_by_size(rows, "fast")
-    for name in OURS:
-        seconds = seconds_by_size(rows, name)
-        sizes = np.array([*seconds], float)
-        values = np.array([own - (name != "fast") * base[n] for n, own in seconds.items()])
-        if len(sizes) >= 2 and (values > 0).all():
-            slope, level = np.polyfit(np.log(sizes / 1e5), np.log(values), 1)
-            model[name] = (float(np.exp(level)), float(slope))
-    return model
 
 
 def icub_row(repeats: int) -> dict[str, Any]:
@@ -283,7 +269,6 @@ def compare(flat: FlatMap, shape: tuple[int, int], repeats: int) -> dict[str, ob
     return {
         "taxels": len(geometry),
         "shape": list(geometry.shape),
-        "pixels_in_the_map": len(geometry.pixels),
         "quartiles_us": spreads(turns, 1e6),
         "image_us": times["image"],
         "batch_us_per_sample": times["batch"] / BATCH,

@@ -233,8 +233,6 @@ def press(skin: PreparedSkin, minutes: float) -> dict[str, Any]:
         "minutes": minutes,
         "contacts": len(numbers),
         "samples_without": int(np.sum(np.array(peaks) == 0.0)),
-        "peak_first_second": float(np.mean(peaks[:50])),
-        "peak_last_second": float(np.mean(peaks[-50:])),
     }
 
 
@@ -298,7 +296,6 @@ def follow(loop: TouchLoop, seconds: float) -> dict[str, Any]:
     return {
         "seconds": now - since,
         "samples": loop.counts.used,
-        "touched_share": share,
         "lost": loop.totals()["lost"],
         "dropped": loop.totals()["dropped"],
         "labels_a_second_while_touched": (loop.labels_given - labels) / seconds / share,

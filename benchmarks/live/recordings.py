@@ -1,4 +1,4 @@
-"""What recordings cost and survive: size, speed, kill -9 at random moments, a full disk.
+"""What recordings cost and survive: size, speed, kill -9 at random moments.
 
 `measure` is part of `make bench-live`, and `make soak` runs it with 50 kills. A child process plays
 simulated samples of the whole iCub at 50 Hz into a recorder and reports each sample that it has
@@ -8,7 +8,6 @@ handed over through a pipe.
 from __future__ import annotations
 
 import os
-import resource
 import select
 import signal
 import struct
@@ -59,7 +58,6 @@ def measure(
             losses = kill_many(
                 folder, samples, kills, rng=np.random.default_rng(seed), last=beside > 0
             )
-        full = fill_disk(folder, samples)
     return {
         "size": size,
         "kills": {
@@ -67,10 +65,8 @@ def measure(
             "count": len(losses),
             "opened": sum(one["opened"] for one in losses),
             "most_lost_s": max((one["lost_s"] for one in losses), default=None),
-            "median_lost_s": float(np.median([one["lost_s"] for one in losses])),
             "goal_s": LONGEST_LOSS,
         },
-        "disk_full": full,
     }
 
 
@@ -220,44 +216,6 @@ def record_until_killed(stored: Path, path: Path, *, last: bool = False) -> None
             recorder.put(Block(np.array([sent / RATE]), block.values[row : row + 1], 0.0))
             sent += 1
             os.write(1, REPORT.pack(sent))
-
-
-def fill_disk(folder: Path, samples: NDArray[np.uint8], *, room: int = 500_000) -> dict[str, Any]:
-    """Record until the system refuses; what it said, and what can be read then."""
-    from mcap.reader import make_reader
-
-    from skinmap.errors import OutputError
-    from skinmap.io.mcap.reading import read_track
-    from skinmap.live.recording.recorder import Recorder
-    from skinmap.live.sources.source import Block, StreamInfo
-
-    info = StreamInfo("simulated", ("all",), (samples.shape[1],), RATE)
-    path, message, sent = folder / "full.mcap", "", 0
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
-    try:
-        recorder = Recorder(path, info)
-        try:
-            for sent in range(100_000):
-                row = samples[sent % len(samples)][None]
-                recorder.put(Block(np.array([sent / RATE]), row, 0.0))
-        except OutputError as error:
-            message = str(error)
-        try:
-            recorder.close()
-        except OutputError as error:
-            message = message or str(error)
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
-    track = read_track(path)
-    with path.open("rb") as file:
-        standard = sum(1 for _ in make_reader(file).iter_messages())
-    return {
-        "error": message.replace(str(folder), ""),
-        "readable": len(track.times),
-        "readable_by_mcap": standard,
-        "bytes": path.stat().st_size,
-    }
 
 
 if __name__ == "__main__":  # a child that is killed

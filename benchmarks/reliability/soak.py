@@ -75,7 +75,7 @@ def _coverage(_: bool) -> dict[str, Any]:
 
 
 def _kills(quick: bool, beside: int) -> dict[str, Any]:
-    """Recorders that are killed, and one on a full disk."""
+    """Recorders that are killed."""
     found = recordings.measure(
         kills=1 if quick else 50, minutes=0.1 if quick else 1.0, beside=beside
     )

@@ -19,11 +19,7 @@ import numpy as np
 
 from benchmarks.harness.record import afresh, command
 from benchmarks.harness.timing import children_seconds, peak_mb, quartiles
-from benchmarks.viewer.viewer_scenes import (
-    SIZE,
-    good_pyvista,
-    large_scene,
-)
+from benchmarks.viewer.viewer_scenes import SIZE, good_pyvista, large_scene
 from benchmarks.viewer.viewer_soak import ages, moments, soak
 
 REPEATS = 8  # frames of a kind in a round
@@ -58,7 +54,6 @@ def measure(
     require_opengl()
     fresh = 1 if quick else fresh
     result: dict[str, Any] = {
-        "size_px": SIZE,
         "first_picture": [
             first_picture(parts, links, fresh)
             for parts, links in (("all", "all"), ("torso", "all"), ("torso", "skin"))
@@ -84,21 +79,19 @@ def first_picture(parts: str, links: str, repeats: int) -> dict[str, Any]:
 
 
 def first_figures(parts: str, links: str) -> dict[str, float]:
-    """Times [s] and memory [MB] of a first picture in this process, which has drawn nothing yet."""
+    """Time [s] and memory [MB] of a first picture in this process, which has drawn nothing yet."""
     from skinmap.display import require_opengl
 
     require_opengl()
     for name in IMPORTS:
         import_module(name)
-    imported, before, wall = time.process_time(), peak_mb(), time.perf_counter()
+    imported, before = time.process_time(), peak_mb()
     scene = import_module("viewer.scene").Scene.load(
         "icub", None if parts == "all" else [parts], links=links, window_size=SIZE
     )
     scene.refresh(360.0)
     return {
-        "imports_s": imported,
         "first_picture_s": time.process_time() - imported,
-        "first_picture_wall_s": time.perf_counter() - wall,
         "memory_mb": peak_mb() - before,
     }
 

@@ -27,7 +27,7 @@ from skinmap.report.present import present
 from skinmap.report.result import significant
 from skinmap.report.table import Table
 from skinmap.trade.measuring import Point, Recommended, TaskRow, TradeResult, Unmeasured, describe
-from skinmap.trade.task import defaults, tasks
+from skinmap.trade.task import defaults
 
 if TYPE_CHECKING:
     from skinmap.trade.task import TradeTask
@@ -46,7 +46,7 @@ ALL = "all"
     multiple=True,
     default=(ALL,),
     show_default=True,
-    help="Task to measure: flatten, classify, a plug-in, or all.",
+    help="Task to measure: flatten, classify, or all.",
 )
 @click.option(
     "--max-ms",
@@ -112,12 +112,14 @@ def work(
     from skinmap.trade.front import pareto
     from skinmap.trade.measuring import measure
 
-    chosen, failed = _tasks(names)
+    chosen = _tasks(names)
     limits = _limits(max_ms, chosen)
     loaded, wanted = open_robot(robot, parts)
     points: list[Point] = []
+    failed: list[Unmeasured] = []
     recommended: dict[str, Recommended] = {}
-    with progress(sum(map(_count, chosen.values())) * seeds, "trade") as advance:
+    runs = seeds * sum(len(task.settings()) for task in chosen.values())
+    with progress(runs, "trade") as advance:
         measured = {
             name: measure(task, loaded, wanted, seeds=range(seeds), progress=advance)
             for name, task in chosen.items()
@@ -157,27 +159,23 @@ def _recommended(task: TradeTask, points: Sequence[Point], seconds: float | None
     )
 
 
-def _tasks(names: tuple[str, ...]) -> tuple[dict[str, TradeTask], list[Unmeasured]]:
-    """The tasks asked for by name, and plug-ins that do not load."""
-    from importlib.metadata import entry_points
+def every_task() -> dict[str, TradeTask]:
+    """The tasks by name."""
+    from skinmap.trade.classify_task import classify_task
+    from skinmap.trade.flatten_task import flatten_task
 
-    from skinmap.profile import TASKS
-
-    if ALL not in names:
-        return {name: tasks.get(name) for name in dict.fromkeys(names)}, []
-    known = tasks.names()
-    lost = [point.name for point in entry_points(group=TASKS) if point.name not in known]
-    reason = "its plug-in does not load"
-    failures = [Unmeasured(task=name, setting=None, reason=reason) for name in lost]
-    return {name: tasks.get(name) for name in known}, failures
+    return {"flatten": flatten_task, "classify": classify_task}
 
 
-def _count(task: TradeTask) -> int:
-    """How many settings a task has; 0 where it fails to answer, which is reported later."""
-    try:
-        return len(task.settings())
-    except Exception:  # noqa: BLE001 - a plug-in's fault, which `measure` reports
-        return 0
+def _tasks(names: tuple[str, ...]) -> dict[str, TradeTask]:
+    """The tasks asked for by name."""
+    from skinmap.errors import UnknownNameError
+
+    known = every_task()
+    for name in names:
+        if name not in (ALL, *known):
+            raise UnknownNameError("trade task", name, known)
+    return known if ALL in names else {name: known[name] for name in dict.fromkeys(names)}
 
 
 def _limits(words: tuple[str, ...], tasks: Mapping[str, TradeTask]) -> dict[str, float]:
@@ -215,6 +213,7 @@ def lines(result: TradeResult) -> Iterator[str | Table]:
         yield f"{task.task}: time of {task.work}; error in {task.unit}, {task.truth}"
         rows = [
             [
+                number,
                 "=>" if one is chosen else "*" if one.pareto else "",
                 describe(one.setting),
                 1e3 * one.seconds,
@@ -222,9 +221,9 @@ def lines(result: TradeResult) -> Iterator[str | Table]:
                 one.error,
                 one.error_spread,
             ]
-            for one in points
+            for number, one in enumerate(points, start=1)
         ]
-        yield Table(["", "setting", "ms", "±", task.unit, "±"], rows)
+        yield Table(["#", "", "setting", "ms", "±", task.unit, "±"], rows)
         why = result.recommended[task.task].why
         yield f"recommended ({why}): {describe(chosen.setting)}: {chosen.cost}\n"
     for lost in result.failed:

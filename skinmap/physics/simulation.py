@@ -6,11 +6,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import FloatArray
 from skinmap.errors import UnknownNameError
 from skinmap.geometry.log_map import log_map
 from skinmap.geometry.rigid import tangent_frames
@@ -22,18 +21,17 @@ from skinmap.physics.spring_bed import SpringBed, spring_bed
 from skinmap.physics.touches_in_time import person as as_subject
 from skinmap.physics.touches_in_time import press_in_time
 from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
-from skinmap.skin.skin import Skin, fingerprint
+from skinmap.skin.skin import Skin
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN, TIME
 from skinmap.touch.simulation.hands import OBLIQUE
 from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
+from skinmap.touch.simulation.simulator import Plays
 from skinmap.touch.simulation.subjects import ALL_HANDS, HAND
 from skinmap.touch.simulation.variety import LEANS, beyond, happens, on_skin_of
-from skinmap.touch.true_motion import TrueMotion
 
 FOUR = tuple(PRESSERS)[:4]
 SUBJECTS = 10
-GAP = 0.25  # pause between touches [s]
 TRIES = 60  # places tried for one touch
 MISSES = 3  # touches that found no place before the part counts as too small for the gesture
 AROUND = 5  # taxels whose normals an arm comes in along
@@ -293,26 +291,22 @@ def _log_uniform(rng: np.random.Generator, between: Range) -> float:
     return float(np.exp(rng.uniform(*np.log(between))))
 
 
-class _Player:
-    """Plays touches one after another into a recording, with a pause after each."""
+class _Player(Plays):
+    """Plays what MuJoCo presses, with its true forces and places."""
 
     def __init__(self, ground: Ground, sensors: Sensors, rng: np.random.Generator) -> None:
-        self._ground, self._sensors, self._rng = ground, sensors, rng
-        self._blocks: list[NDArray[np.uint8]] = []
-        self._events: list[IntArray] = []
-        self._labels: list[str] = []
-        self._subjects: list[int] = []
-        self._forces: list[FloatArray] = []
-        self._places: list[FloatArray] = []
-        self._motions: list[TrueMotion | None] = []
+        super().__init__(ground.bed.skin, sensors, rng)
+        self._ground = ground
+        self._forces = [np.zeros(0)]
+        self._places = [np.zeros((0, 3))]
 
     def touch_in_time(self, name: str, person: Person) -> bool:
         """A touch that goes on in time; whether there was a place for it."""
-        ground, rng, rate = self._ground, self._rng, self._sensors.sensing.rate
+        ground, rng = self._ground, self.rng
         subject = as_subject(person.number, person.hand, person.pace, rng)
         made = press_in_time(
             name, ground.bed, ground.feel, ground.foam, person.flesh, ground.variant, subject,
-            rate=rate, rng=rng,
+            rate=self.rate, rng=rng,
         )  # fmt: skip
         if made is None:
             return False
@@ -321,49 +315,18 @@ class _Player:
         weights = tremor * laid.weights
         whole = np.maximum(weights.sum(axis=1, keepdims=True), 1e-9)
         centres = np.where(whole > 1e-6, weights / whole @ poses.centres, np.nan)
-        began = sum(map(len, self._blocks)) / rate
-        self._play(name, person, FULL_PRESSURE * (weights @ laid.loads), weights @ poses.forces,
-                   centres, laid.motion.shifted(began))  # fmt: skip
+        self.play(name, person.number, FULL_PRESSURE * (weights @ laid.loads), laid.motion)
+        self._know(weights @ poses.forces, centres)
         return True
 
     def touch(self, name: str, place: Place, person: Person) -> None:
-        rate = self._sensors.sensing.rate
-        pressed = press_place(self._ground, place, person, rate=rate, rng=self._rng)
-        loads = taxel_loads(self._ground, pressed)
-        self._play(name, person, loads, pressed.forces, pressed.centres)
+        pressed = press_place(self._ground, place, person, rate=self.rate, rng=self.rng)
+        self.play(name, person.number, taxel_loads(self._ground, pressed))
+        self._know(pressed.forces, pressed.centres)
 
-    def _play(
-        self,
-        name: str,
-        person: Person,
-        loads: FloatArray,
-        forces: FloatArray,
-        centres: FloatArray,
-        motion: TrueMotion | None = None,
-    ) -> None:
-        rate = self._sensors.sensing.rate
-        self._motions.append(motion)
-        rest = np.zeros((round(GAP * rate), loads.shape[1]))
-        for block, event in ((loads, len(self._labels)), (rest, -1)):
-            self._blocks.append(self._sensors.read(block, rng=self._rng))
-            self._events.append(np.full(len(block), event))
-        self._forces += [forces, np.zeros(len(rest))]
-        self._places += [centres, np.full((len(rest), 3), np.nan)]
-        self._labels.append(name)
-        self._subjects.append(person.number)
+    def _know(self, forces: FloatArray, centres: FloatArray) -> None:
+        self._forces += [forces, np.zeros(len(self.rest))]
+        self._places += [centres, np.full((len(self.rest), 3), np.nan)]
 
     def recording(self) -> Recording:
-        skin = self._ground.bed.skin
-        pressures = np.concatenate([np.zeros((0, len(skin)), np.uint8), *self._blocks])
-        return Recording(
-            skin.part,
-            np.arange(len(pressures)) / self._sensors.sensing.rate,
-            pressures,
-            np.concatenate([np.zeros(0, np.int64), *self._events]),
-            tuple(self._labels),
-            np.array(self._subjects, np.int64),
-            forces=np.concatenate([np.zeros(0), *self._forces]),
-            places=np.concatenate([np.zeros((0, 3)), *self._places]),
-            motions=tuple(self._motions) if any(self._motions) else (),
-            fingerprint=fingerprint(skin),
-        )
+        return self.played(forces=np.concatenate(self._forces), places=np.concatenate(self._places))

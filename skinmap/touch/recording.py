@@ -167,34 +167,22 @@ def rows_of(events: IntArray, count: int) -> list[IntArray]:
     return [order[first:end] for first, end in pairwise(bounds.tolist())]
 
 
+ARRAYS = ("times", "pressures", "events", "subjects", "owners", "forces", "places")
+NEEDED = ARRAYS[:3]  # in files of the first release, too
+
+
 def save_recordings(recordings: list[Recording], path: Path) -> None:
     """Write recordings of several parts into one file (a zip of arrays and JSON)."""
-    head = {
-        "format": FORMAT,
-        "recordings": [
-            {
-                "part": r.part,
-                "labels": list(r.labels),
-                "robot": r.robot,
-                "sessions": list(r.sessions),
-                "people": list(r.people),
-                "fingerprint": r.fingerprint,
-            }
-            for r in recordings
-        ],
-    }
-    arrays: dict[str, Any] = {"head": np.frombuffer(json.dumps(head).encode(), np.uint8)}
+    words = ("part", "labels", "robot", "sessions", "people", "fingerprint")
+    entries = [{name: getattr(one, name) for name in words} for one in recordings]
+    head = json.dumps({"format": FORMAT, "recordings": entries})
+    arrays: dict[str, Any] = {"head": np.frombuffer(head.encode(), np.uint8)}
     for number, recording in enumerate(recordings):
-        arrays[f"times_{number}"] = recording.times
-        arrays[f"pressures_{number}"] = recording.pressures
-        arrays[f"events_{number}"] = recording.events
-        arrays[f"subjects_{number}"] = recording.subjects
-        if recording.owners is not None:
-            arrays[f"owners_{number}"] = recording.owners.astype(np.int8)
-        if recording.forces is not None:
-            arrays[f"forces_{number}"] = recording.forces
-        if recording.places is not None:
-            arrays[f"places_{number}"] = recording.places
+        for name in ARRAYS:
+            array = getattr(recording, name)
+            if array is not None:
+                small = array.astype(np.int8) if name == "owners" else array
+                arrays[f"{name}_{number}"] = small
         for event, motion in enumerate(recording.motions):
             if motion is not None:
                 for name, array in motion.to_arrays().items():
@@ -219,32 +207,25 @@ def load_recordings(path: Path) -> list[Recording]:
             head = json.loads(arrays["head"].tobytes())
             if head["format"] != FORMAT:
                 raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
-            none = np.zeros(0, np.int64)
-            return [
-                Recording(
-                    str(entry["part"]),
-                    arrays[f"times_{number}"],
-                    arrays[f"pressures_{number}"],
-                    arrays[f"events_{number}"],
-                    tuple(map(str, entry["labels"])),
-                    # Files of the first release have neither.
-                    arrays.get(f"subjects_{number}", none),
-                    arrays.get(f"owners_{number}", None),
-                    # Known to a physics engine alone.
-                    arrays.get(f"forces_{number}", None),
-                    arrays.get(f"places_{number}", None),
-                    str(entry.get("robot", "")),
-                    tuple(map(str, entry.get("sessions", ()))),
-                    tuple(map(str, entry.get("people", ()))),
-                    str(entry.get("fingerprint", "")),
-                    motions=_motions(arrays, number, len(entry["labels"])),
-                )
-                for number, entry in enumerate(head["recordings"])
-            ]
+            return [_recording(arrays, *entry) for entry in enumerate(head["recordings"])]
     except DAMAGED_ARCHIVE as error:
         if isinstance(error, DataFormatError):
             raise
         raise DataFormatError(f"not a Skinmap recording: {error}", path) from error
+
+
+def _recording(arrays: Mapping[str, Any], number: int, entry: Mapping[str, Any]) -> Recording:
+    keys = {name: f"{name}_{number}" for name in ARRAYS}
+    return Recording(
+        str(entry["part"]),
+        labels=tuple(map(str, entry["labels"])),
+        robot=str(entry.get("robot", "")),
+        sessions=tuple(map(str, entry.get("sessions", ()))),
+        people=tuple(map(str, entry.get("people", ()))),
+        fingerprint=str(entry.get("fingerprint", "")),
+        motions=_motions(arrays, number, len(entry["labels"])),
+        **{name: arrays[key] for name, key in keys.items() if name in NEEDED or key in arrays},
+    )
 
 
 def _motions(arrays: Mapping[str, Any], number: int, events: int) -> tuple[TrueMotion | None, ...]:

@@ -1,6 +1,6 @@
 from skinmap.trade.front import pareto, recommend
 from skinmap.trade.measuring import Point, TradeResult, cpu_seconds, measure
-from skinmap.trade.task import Knob, Outcome, TradeTask, tasks
+from skinmap.trade.task import Knob, Outcome, TradeTask
 
 __all__ = [
     "Knob",
@@ -12,5 +12,4 @@ __all__ = [
     "measure",
     "pareto",
     "recommend",
-    "tasks",
 ]

@@ -58,7 +58,7 @@ class ClassifyTask:
     unit = "%"
     work = "naming one touch"
     truth = "simulated touches named wrong, on touches (of several parts: on a part) held out"
-    knobs = (
+    knobs: tuple[Knob, ...] = (
         Knob(
             "classifier", (*QUICK, *ONE_SKIN, "bovw", "cnn"), DEFAULT, "the classifier of a touch"
         ),

@@ -34,7 +34,7 @@ class FlattenTask:
     unit = "%"
     work = "surface mesh and flat map of the parts"
     truth = "lengths on the skin: rms strain of the edges, weighted by length"
-    knobs = (
+    knobs: tuple[Knob, ...] = (
         Knob("meshing", MESHING, DEFAULT_MESHING, "how taxels become a surface mesh"),
         Knob("method", METHODS, DEFAULT, "how the surface mesh is laid flat"),
         Knob("iterations", ("own", 1, 5, 20), "own", "of balanced, slim, dirichlet"),

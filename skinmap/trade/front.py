@@ -121,19 +121,16 @@ def _better(one: Point, other: Point) -> bool:
 BLUE, GREY, RED = "#1f5fa8", "#9aa7b5", "#c8372d"
 DIM = "#5c6874"
 WIDE = 20.0  # errors that differ by more than this factor are drawn on a logarithmic axis
-SIZE = (12.5, 5.6)  # [inch]
-ROWS = 24  # of the list at this height; more make the picture higher
-COLUMNS = (0.0, 0.05, 0.88, 1.0)  # of the list: mark, number and setting, time, error
+SIZE = (7.7, 5.6)  # [inch]
 
 
 def trade_figure(result: TradeResult, task: TaskRow, path: Path) -> None:
-    """Draw one task's settings as PNG: numbered points, and a list of them by their time."""
+    """Draw one task's settings as PNG: points numbered by their time, as in the table."""
     listed = points_by_time(result, task.task)
     chosen = chosen_of(listed, result.recommended[task.task])
     front = [point for point in listed if point.pareto]
-    width, height = SIZE
-    figure = plain_figure((width, height * max(1.0, len(listed) / ROWS)))
-    axis, beside = figure.subplots(1, 2, width_ratios=[1.6, 1.0])
+    figure = plain_figure(SIZE)
+    axis = figure.subplots()
     rest = [point for point in listed if not point.pareto]
     _draw(axis, rest, color=GREY, markersize=4.5, label="other settings")
     times, errors = zip(*((1e3 * point.seconds, point.error) for point in front), strict=True)
@@ -151,7 +148,6 @@ def trade_figure(result: TradeResult, task: TaskRow, path: Path) -> None:
     axis.set_axisbelow(True)
     axis.spines[["top", "right"]].set_visible(False)
     figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    _list(beside, task, listed, chosen)
     for number, point in enumerate(listed, start=1):
         place = 1e3 * point.seconds, point.error
         colour = BLUE if point.pareto else DIM
@@ -171,34 +167,6 @@ def points_by_time(result: TradeResult, task: str) -> list[Point]:
 def chosen_of(points: Sequence[Point], recommended: Recommended) -> Point:
     """The point that is recommended."""
     return next(point for point in points if point.setting == recommended.setting)
-
-
-def _list(axis: Any, task: TaskRow, listed: Sequence[Point], chosen: Point) -> None:
-    """The settings in words beside the plot, with their figures."""
-    axis.set_axis_off()
-    rows = max(len(listed), ROWS)
-    common = _common(listed)
-
-    def write(row: int, texts: Sequence[str], **style: Any) -> None:
-        height = 1.0 - row / (rows + 1)
-        for place, text in enumerate(texts):
-            side = {"ha": "right" if place >= 2 else "left", "va": "top", "fontsize": 8}
-            axis.text(COLUMNS[place], height, text, transform=axis.transAxes, **side, **style)
-
-    head = "setting" + (f" ({describe(common)})" if common else "")
-    write(0, ["", head, "ms", task.unit], color=DIM)
-    for row, point in enumerate(listed, start=1):
-        colour = RED if point is chosen else BLUE if point.pareto else DIM
-        own = {k: v for k, v in point.setting.items() if k not in common}
-        texts = [f"{row}", describe(own), f"{1e3 * point.seconds:.3g}", f"{point.error:.3g}"]
-        write(row, texts, color=colour, weight="bold" if point is chosen else "normal")
-
-
-def _common(points: Sequence[Point]) -> dict[str, Any]:
-    """Knobs that stand at one value in all settings, where others tell these apart."""
-    first = points[0].setting
-    same = {k: v for k, v in first.items() if all(p.setting.get(k) == v for p in points)}
-    return same if all(len(p.setting) > len(same) for p in points) else {}
 
 
 def _draw(axis: Any, points: Sequence[Point], **style: Any) -> None:

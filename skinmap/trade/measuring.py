@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from skinmap import __version__
-from skinmap.errors import BrokenPluginError, SkinError, UnknownNameError
+from skinmap.errors import SkinError
 from skinmap.profile import Value
 from skinmap.report.result import MERGED
 from skinmap.trade.task import Knob, Outcome, Setting, TradeTask
@@ -70,8 +70,8 @@ class Point:
     pareto
         Whether no other setting is both faster and better.
     beside
-        Further figures of the task, medians over the seeds: `training_seconds`, `unmeshed`, or
-        those of a plug-in; null where one does not exist.
+        Further figures of the task, medians over the seeds: `training_seconds` or
+        `unmeshed`.
     """
 
     task: str
@@ -288,9 +288,10 @@ def measure(
     Examples
     --------
     >>> import skinmap
-    >>> from skinmap.trade import measure, tasks
+    >>> from skinmap.trade import measure
+    >>> from skinmap.trade.flatten_task import flatten_task
     >>> robot = skinmap.load_robot("kaspar")
-    >>> points, unmeasured = measure(tasks.get("flatten"), robot, ("right_hand",), seeds=[0])
+    >>> points, unmeasured = measure(flatten_task, robot, ("right_hand",), seeds=[0])
     >>> len(points) > 5, points[0].unit
     (True, '%')
     """
@@ -300,7 +301,7 @@ def measure(
     failed: dict[int, Unmeasured] = {}
     with threadpool_limits(1):
         try:
-            settings = [_ordered(task, setting) for setting in task.settings()]
+            settings = task.settings()
             found = [[] for _ in settings]
             for seed in seeds:
                 prepared = task.prepare(robot, parts, seed=seed)
@@ -309,44 +310,14 @@ def measure(
                     if number in failed:
                         continue
                     try:
-                        outcome = task.run(prepared, settings[number], seed=seed)
-                        found[number].append(_checked(outcome))
+                        found[number].append(task.run(prepared, settings[number], seed=seed))
                     except Exception as error:  # noqa: BLE001 - the other settings still run
                         failed[number] = _unmeasured(task, settings[number], error)
-        except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
+        except Exception as error:  # noqa: BLE001 - the other tasks still run
             return [], [_unmeasured(task, None, error)]
     good = [number for number in range(len(settings)) if number not in failed]
     points = [_point(task, settings[number], found[number]) for number in good]
     return points, [failed[number] for number in sorted(failed)]
-
-
-def _checked(outcome: Outcome) -> Outcome:
-    """Refuse figures that mean nothing.
-
-    Raises
-    ------
-    BrokenPluginError
-    """
-    for name in ("seconds", "error"):
-        value = float(getattr(outcome, name))
-        if not 0.0 <= value < np.inf:
-            raise BrokenPluginError(f"{name} must be a number from 0, the task gave {value}")
-    return outcome
-
-
-def _ordered(task: TradeTask, setting: Setting) -> Setting:
-    """The setting with its knobs in the order of the task's.
-
-    Raises
-    ------
-    UnknownNameError
-        A knob that the task does not name.
-    """
-    names = [knob.name for knob in task.knobs]
-    for name in setting:
-        if name not in names:
-            raise UnknownNameError(f"knob of task {task.name!r}", name, names)
-    return {name: setting[name] for name in sorted(setting, key=names.index)}
 
 
 def _unmeasured(task: TradeTask, setting: Setting | None, error: Exception) -> Unmeasured:

@@ -1,8 +1,4 @@
-"""Trade tasks: what is measured, under which knobs, and how a new one is plugged in.
-
-A task is an object that keeps the promises of `TradeTask`, named as "module:object" by an entry
-point of the group `skinmap.trade_tasks`. What sits above this package plugs in the same way.
-"""
+"""Trade tasks: what is measured, and under which knobs."""
 
 from __future__ import annotations
 
@@ -11,9 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Protocol
 
-from skinmap.errors import BrokenPluginError
-from skinmap.profile import TASKS, Value
-from skinmap.registry import Registry
+from skinmap.profile import Value
 
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
@@ -93,26 +87,6 @@ class TradeTask(Protocol):
 
     def run(self, prepared: Any, setting: Setting, *, seed: int) -> Outcome:
         """Measure one setting once; `skinmap.trade.measuring.cpu_seconds` takes the time."""
-
-
-def _checked(name: str, thing: object) -> TradeTask:
-    """What a plug-in's entry point gave, if it keeps the promises."""
-    promised = ("name", "unit", "work", "truth", "knobs", "settings", "prepare", "run")
-    lacking = [one for one in promised if not hasattr(thing, one)]
-    if lacking:
-        raise BrokenPluginError(f"the trade task {name!r} has no {', '.join(lacking)}")
-    return thing  # type: ignore[return-value]
-
-
-tasks: Registry[TradeTask] = Registry(
-    "trade task",
-    TASKS,
-    built_in={
-        "flatten": "skinmap.trade.flatten_task:flatten_task",
-        "classify": "skinmap.trade.classify_task:classify_task",
-    },
-    adapt=_checked,
-)
 
 
 def defaults(knobs: Sequence[Knob]) -> dict[str, Value]:

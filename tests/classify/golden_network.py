@@ -1,4 +1,4 @@
-"""The saved network of the tests, which `python -m benchmarks.classify.contact_cnn` made."""
+"""The saved network of the tests, which `python -m tests.classify.make_golden_network` made."""
 
 from __future__ import annotations
 

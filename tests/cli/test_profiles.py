@@ -12,10 +12,10 @@ from click.testing import CliRunner
 
 from skinmap import __version__
 from skinmap.cli.main import cli
+from skinmap.cli.trade import every_task
 from skinmap.commands.profiles import BESIDE
 from skinmap.errors import SkinError
 from skinmap.profile import KNOBS, Allowed
-from skinmap.trade import tasks
 
 HEAD = f'[profile]\nformat = 1\nskinmap = "{__version__}"\nrobot = "icub"\npart = "left_foot"\n'
 NAMES = {"classifier": "histogram", "layer": "pressure"}
@@ -44,6 +44,7 @@ def options_of(command: click.Command) -> dict[str, click.Parameter]:
 
 
 EVERY = commands()
+TASKS = every_task()
 COMMANDS = {
     words: one
     for words, one in EVERY.items()
@@ -115,9 +116,9 @@ def test_every_knob_is_an_option_somewhere():
     assert not {f"--{name.replace('_', '-')}" for name in knobs} - options
 
 
-@pytest.mark.parametrize("task", tasks.names())
+@pytest.mark.parametrize("task", TASKS)
 def test_every_knob_of_a_task_may_stand_in_a_profile_and_its_values_too(task):
-    measured = tasks.get(task)
+    measured = TASKS[task]
     assert {knob.name for knob in measured.knobs} <= set(KNOBS[task])
     settings = measured.settings()
     for knob in measured.knobs:  # each is measured at two values, one of which may be left unsaid
@@ -215,10 +216,10 @@ def test_what_trade_writes_is_read_back(tmp_path):
     from skinmap.profile import read_profile
     from skinmap.trade.measuring import Recommended, TradeResult
 
-    for name in tasks.names():
-        for setting in tasks.get(name).settings():  # all that can be recommended
+    for name in TASKS:
+        for setting in TASKS[name].settings():  # all that can be recommended
             best = Recommended(
-                setting=dict(setting), seconds=0.125, error=1.5, unit=tasks.get(name).unit, why=""
+                setting=dict(setting), seconds=0.125, error=1.5, unit=TASKS[name].unit, why=""
             )
             result = TradeResult(
                 robot="icub", parts=["torso", "left_arm"], seed=0, seeds=3, tasks=[], points=[],

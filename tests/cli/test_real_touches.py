@@ -15,9 +15,10 @@ from skinmap.io.recordings.cyskin_arrays import SATURATION, find_pressed, read_p
 from skinmap.io.taxels.cyskin import CySkin, write_cyskin
 from skinmap.recognition.protocols import fingers as protocol
 from skinmap.recognition.protocols.fingers import (
+    WIDTH,
     count_by_width,
     describe,
-    fit_widths,
+    fit_thresholds,
     judge,
     places,
 )
@@ -112,7 +113,7 @@ def test_planted_fingers_are_counted_and_the_control_is_chance(fingers, tmp_path
     found = run("--protocol", "fingers", str(fingers), "--seeds", "1", "--out", str(tmp_path))
     assert found["recordings"] == {str(k): FILES for k in range(6)}
     assert found["majority"] == pytest.approx(1 / 6, abs=1e-6)  # of JSON's six digits
-    for row in (found["width"], found["trained"]):
+    for row in (found["chosen"], found["trained"]):
         assert row["exact"] >= 0.6
         assert row["within_one"] >= 0.9
         assert row["control"] <= 0.3, "the rest of each class names it, and must not help"
@@ -135,7 +136,7 @@ def test_widths_are_fitted_on_a_third_and_none_is_counted_as_none(fingers):
     assert data.classes is not None
     found = describe(PreparedSkin(data.skin), data.files)
     chosen = np.arange(len(data.classes)) % 3 == 0
-    narrow, finger = fit_widths(found, data.classes, chosen)
+    _, narrow, finger = fit_thresholds(found, data.classes, chosen, WIDTH)
     counts = count_by_width(found, narrow, finger)
     np.testing.assert_array_equal(counts == 0, data.classes == 0)
     wider = count_by_width(found, narrow + 2 * finger, finger)
@@ -243,14 +244,14 @@ def test_real_hands_are_few_contacts():
 @REAL
 def test_real_fingers_are_counted_without_training():
     """The whole protocol, trained too, is in benchmarks/results/real_fingers.json."""
-    from skinmap.recognition.protocols.fingers import FIRST, zero_training
+    from skinmap.recognition.protocols.fingers import FIRST, chosen_number
 
     data = read_pressed(*find_pressed(DATA, "fingers*.npz", "gesture_patch"))
     assert (len(data.files), data.unplaced, data.unrecorded) == (188, 82, 8)
     assert data.classes is not None
     skin = PreparedSkin(data.skin)
-    touch, _ = zero_training(describe(skin, data.files), data.classes, [0, 1])
+    touch, _ = chosen_number(describe(skin, data.files), data.classes, [0, 1])
     assert touch.exact >= 0.55
     assert touch.within_one >= 0.92
-    control, _ = zero_training(describe(skin, data.files, first=FIRST), data.classes, [0, 1])
+    control, _ = chosen_number(describe(skin, data.files, first=FIRST), data.classes, [0, 1])
     assert control.exact <= 0.3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import io
+import resource
 import threading
 from itertools import chain
 from pathlib import Path
@@ -269,8 +270,39 @@ def test_full_disk_leaves_a_file_that_the_standard_reader_opens(room):
     assert len(found) * 122 >= min(room, 4880) - 1000 - 300
 
 
+def fill_disk(folder: Path, samples: np.ndarray, *, room: int):
+    """Record until the system refuses; what it said, and what can be read then."""
+    info = StreamInfo("simulated", ("all",), (samples.shape[1],), 50.0)
+    path, message, sent = folder / "full.mcap", "", 0
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
+    try:
+        recorder = Recorder(path, info)
+        try:
+            for sent in range(100_000):
+                row = samples[sent % len(samples)][None]
+                recorder.put(Block(np.array([sent / 50.0]), row, 0.0))
+        except OutputError as error:
+            message = str(error)
+        try:
+            recorder.close()
+        except OutputError as error:
+            message = message or str(error)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    track = read_track(path)
+    with path.open("rb") as file:
+        standard = sum(1 for _ in make_reader(file).iter_messages())
+    return {
+        "error": message.replace(str(folder), ""),
+        "readable": len(track.times),
+        "readable_by_mcap": standard,
+        "bytes": path.stat().st_size,
+    }
+
+
 def test_full_disk_is_said_and_what_was_written_stays_readable(tmp_path, values):
-    told = recordings.fill_disk(tmp_path, values, room=60_000)
+    told = fill_disk(tmp_path, values, room=60_000)
     assert "File too large; the written part stays readable" in told["error"]
     assert told["readable"] == told["readable_by_mcap"]
     # 300 random bytes a sample: all but the last chunk and the ends of the file.

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from importlib.metadata import EntryPoint
 from typing import ClassVar
 
 import pytest
 
-from skinmap import registry
 from skinmap.errors import InvalidMeshError
-from skinmap.profile import TASKS
-from skinmap.trade import Knob, Outcome, tasks
+from skinmap.trade import Knob, Outcome
 
 
 class Planted:
@@ -68,16 +65,7 @@ class Broken(Planted):
         raise RuntimeError("nothing to prepare")
 
 
-class Empty(Planted):
-    """Gives figures that mean nothing."""
-
-    name = "empty"
-
-    def run(self, prepared, setting, *, seed):
-        return Outcome(float("nan"), 1.0)
-
-
-CLASSES = {"planted": Planted, "failing": Failing, "broken": Broken, "empty": Empty}
+CLASSES = {"planted": Planted, "failing": Failing, "broken": Broken}
 
 
 @pytest.fixture
@@ -88,25 +76,10 @@ def toys():
 
 @pytest.fixture
 def plugged(monkeypatch):
-    """A function that plugs planted tasks in as other distributions would, and nothing else."""
+    """A function that plugs planted tasks in, and nothing else."""
 
     def plug(*names: str) -> None:
-        points = [EntryPoint(name, f"planted_tasks:{name}", TASKS) for name in names]
-        monkeypatch.setattr(EntryPoint, "load", lambda self: _load(self.name))
-        found = lambda group: points if group == TASKS else []  # noqa: E731
-        monkeypatch.setattr(registry, "entry_points", found)
-        monkeypatch.setattr("importlib.metadata.entry_points", found)
-        monkeypatch.setattr("skinmap.profile.entry_points", found)
-        monkeypatch.setattr(tasks, "_plugins", None)
-        monkeypatch.setattr(tasks, "_built_in", {})
-        monkeypatch.setattr(tasks, "_own", {})
+        planted = {name: CLASSES[name]() for name in names}
+        monkeypatch.setattr("skinmap.cli.trade.every_task", lambda: planted)
 
     return plug
-
-
-def _load(name):
-    if name == "useless":
-        return object()
-    if name not in CLASSES:
-        raise ImportError(f"no module for {name}")
-    return CLASSES[name]()

@@ -56,23 +56,10 @@ def test_a_failing_setting_is_reported_and_the_others_are_measured(toys):
     assert reasons == {"high": "no triangle to stand on", "silly": "ZeroDivisionError: by nought"}
 
 
-@pytest.mark.parametrize(
-    ("task", "reason"),
-    [
-        ("broken", "RuntimeError: nothing to prepare"),
-        ("empty", "seconds must be a number from 0, the task gave nan"),
-    ],
-)
-def test_a_task_that_cannot_be_measured_is_reported(toys, task, reason):
-    points, failed = measure(toys[task](), None, ("part",), seeds=SEEDS)
+def test_a_task_that_cannot_be_measured_is_reported(toys):
+    points, failed = measure(toys["broken"](), None, ("part",), seeds=SEEDS)
     assert not points
-    assert {one.reason for one in failed} == {reason}
-
-
-def test_an_unknown_knob_is_named(toys, monkeypatch):
-    monkeypatch.setattr(toys["planted"], "settings", lambda self: [{"depth": 3}])
-    _, failed = measure(toys["planted"](), None, ("part",), seeds=SEEDS)
-    assert "no knob of task 'planted' 'depth'; the knobs are: level, rounds" in failed[0].reason
+    assert {one.reason for one in failed} == {"RuntimeError: nothing to prepare"}
 
 
 def test_an_interruption_is_no_failure_of_a_setting(toys):

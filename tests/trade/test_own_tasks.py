@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 import skinmap
+from skinmap.cli.trade import every_task
 from skinmap.flat.flat_map import flatten
 from skinmap.surface.surface_mesh import build_surface
 from skinmap.trade import classify_task as classifying
 from skinmap.trade import flatten_task as flattening
-from skinmap.trade import tasks
 from skinmap.trade.classify_task import classify_task
 from skinmap.trade.flatten_task import edge_rms, flatten_task
 
@@ -21,8 +21,7 @@ def kaspar():
 
 
 def test_our_tasks_are_registered():
-    assert tasks.get("flatten") is flatten_task
-    assert tasks.get("classify") is classify_task
+    assert every_task() == {"flatten": flatten_task, "classify": classify_task}
 
 
 @pytest.mark.parametrize("task", [flatten_task, classify_task])

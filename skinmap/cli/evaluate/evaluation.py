@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import click
+import numpy as np
 from msgspec import Meta, Struct, ValidationError, convert
 
 from skinmap.commands.progress import progress
@@ -136,6 +137,14 @@ def chosen_gestures(settings: Settings) -> tuple[str, ...]:
     names = gesture_set([name.strip() for name in settings.own.gestures.split(",")])
     check_gestures(names)
     return names
+
+
+def write_predictions(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Write what a protocol answered as an archive of arrays."""
+    from skinmap.io.output import staged_file
+
+    with staged_file(path) as stage, stage.open("wb") as file:
+        np.savez_compressed(file, **arrays)
 
 
 def pressed_skin(

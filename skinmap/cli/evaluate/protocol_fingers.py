@@ -35,24 +35,22 @@ def work(settings: Settings) -> FingersResult:
 
     data, skin, facts = pressed_skin(settings, ARCHIVE, FOLDER)
     classes = protocol.check_fingers(finger_counts(data, facts["archive"]))
-    pairs: dict[str, list[CountRow]] = {"live": [], "width": [], "chosen": [], "trained": []}
-    regions, lengths, numbers = None, [], []
+    pairs: dict[str, list[CountRow]] = {"live": [], "chosen": [], "trained": []}
+    regions, numbers = None, []
     with progress(2 * (2 + settings.seeds * protocol.REGIONS), "fingers") as advance:
         for first in (None, protocol.FIRST):
             found = protocol.describe(skin, data.files, first=first)
             # The control's places are those of the touches: the same recordings are left out.
             regions = protocol.places(found) if regions is None else regions
             advance("described")
-            width, own = protocol.zero_training(found, classes, settings.all_seeds)
             number, names = protocol.chosen_number(found, classes, settings.all_seeds)
-            numbers.append(list(names))
+            numbers.append(names)
             trees = protocol.trained(found, classes, regions, settings.all_seeds, advance)
             every = np.ones(len(classes), bool)
             live = [tracked(skin, data, first=first)]
             contacts = protocol.judge("live contacts", live, [every], classes)
-            lengths.append(own)
             advance("tracked")
-            for key, one in zip(pairs, (contacts, width, number, trees), strict=True):
+            for key, one in zip(pairs, (contacts, number, trees), strict=True):
                 pairs[key].append(one)
     return FingersResult(
         **facts,
@@ -60,10 +58,7 @@ def work(settings: Settings) -> FingersResult:
         majority=float(np.unique(classes, return_counts=True)[1].max() / len(classes)),
         seeds=settings.all_seeds,
         first_samples=protocol.FIRST,
-        narrow_mm=lengths[0][0],
-        finger_mm=lengths[0][1],
         live=_row(*pairs["live"]),
-        width=_row(*pairs["width"]),
         chosen=_row(*pairs["chosen"]),
         chosen_numbers=numbers[0],
         trained=_row(*pairs["trained"]),
@@ -123,11 +118,8 @@ def lines(result: FingersResult) -> Iterator[str | Table]:
         )
     yield Table.of(
         CountRow,
-        [result.live, result.width, result.chosen, result.trained],
+        [result.live, result.chosen, result.trained],
         "method=fingers_counted_by exact:% within_one:% spread:%=std control:% "
         "control_within_one:%=within_one",
     )
-    yield (
-        f"control: the same on the first {result.first_samples} samples of each recording; width: "
-        f"one finger up to {result.narrow_mm:.1f} mm, one more for each {result.finger_mm:.1f} mm"
-    )
+    yield f"control: the same on the first {result.first_samples} samples of each recording"

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.cli.evaluate.evaluation import Own, Rows, Settings
+from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, write_predictions
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.protocols.results import LoadRow, LoadsResult
@@ -56,7 +55,13 @@ def work(settings: Settings) -> LoadsResult:
                 written.append((one.times, *found))
             advance(path.name)
     if settings.predictions is not None:
-        _write(settings.predictions, written)
+        names = ("times", "pressure_bar", "low", "high")
+        arrays = {
+            name: np.concatenate(each)
+            for name, each in zip(names, zip(*written, strict=True), strict=True)
+        }
+        arrays["recording"] = np.repeat(np.arange(len(written)), [len(one[0]) for one in written])
+        write_predictions(settings.predictions, arrays)
     return LoadsResult(
         robot=f"skin of {len(calibration)} taxels",
         model=calibration.model,
@@ -121,17 +126,6 @@ def _beside(
         return None, None, lines[0].unexplained
     rms = np.sqrt(np.asarray(squares)[own] / np.asarray(counts)[own])
     return float(rms.mean()), inside / int(np.sum(counts)), lines[0].unexplained
-
-
-def _write(path: Path, written: list[tuple[Any, ...]]) -> None:
-    from skinmap.io.output import staged_file
-
-    times, values, low, high = (np.concatenate(each) for each in zip(*written, strict=True))
-    which = np.repeat(np.arange(len(written)), [len(one[0]) for one in written])
-    with staged_file(path) as stage, stage.open("wb") as file:
-        np.savez_compressed(
-            file, pressure_bar=values, low=low, high=high, times=times, recording=which
-        )
 
 
 def lines(result: LoadsResult) -> Iterator[str | Table]:

@@ -11,7 +11,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.cli.evaluate.evaluation import Own, Rows, Settings
+from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, write_predictions
 from skinmap.commands.progress import progress
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, SkinError
 from skinmap.recognition.protocols.results import PrintsResult
@@ -126,7 +126,7 @@ def work(settings: Settings) -> PrintsResult:
             truth = match_prints(found, test.pictures(), pitch_mm=pitch)
         advance("judged")
     if settings.predictions is not None:
-        _write(settings.predictions, found.image, answers)
+        write_predictions(settings.predictions, {"image": found.image, **answers._asdict()})
     person = None if test.person is None else test.person[found.image]
     return PrintsResult(
         robot="grid of {} x {} readings".format(*test.readings.shape[1:]),
@@ -176,13 +176,6 @@ def _own(area: FloatArray, true: FloatArray, person: IntArray) -> float | None:
         errors.append(np.abs(scale * area[rows[~first]] / true[rows[~first]] - 1.0))
     together = np.concatenate(errors)
     return float(np.median(together)) if len(together) else None
-
-
-def _write(path: Path, image: IntArray, answers: Answers) -> None:
-    from skinmap.io.output import staged_file
-
-    with staged_file(path) as stage:
-        np.savez_compressed(stage, image=image, **answers._asdict())
 
 
 def lines(result: PrintsResult) -> Iterator[str | Table]:

@@ -154,9 +154,8 @@ def tune(
     inside = np.flatnonzero(rows)
     data = bench.data
     folds = make_folds(kind, data.labels[inside], data.events[inside], folds=FOLDS, rng=rng)
-    masks = [
-        (_mask(inside[train], len(data)), _mask(inside[test], len(data))) for train, test in folds
-    ]
+    every = np.arange(len(data))
+    masks = [(np.isin(every, inside[train]), np.isin(every, inside[test])) for train, test in folds]
 
     def best_of(choices: list[dict[str, Any]], settings: Settings) -> Settings:
         for choice in choices:
@@ -176,13 +175,11 @@ def tune(
         grid = [{"penalty": c, "width": g} for c in PENALTIES for g in WIDTHS]
         settings = best_of(grid, settings)
     elif settings.network == "small":
-        few, *more = EPOCH_CHOICES
+        few, more = EPOCH_CHOICES
         rates = [{"learning_rate": rate, "epochs": few} for rate in RATE_CHOICES]
         settings = best_of(rates, settings)
-        more_epochs = [
-            {"learning_rate": settings.learning_rate, "epochs": epochs} for epochs in more
-        ]
-        settings = best_of(more_epochs, settings)
+        best = {"learning_rate": settings.learning_rate, "epochs": more}
+        settings = best_of([best], settings)
     else:
         for rate in TABLE_I:
             runs = [_along(data, *mask, rate, seed) for seed, mask in enumerate(masks)]
@@ -229,9 +226,3 @@ def _published(method: str, network: str, row: dict[str, Any]) -> float | None:
     if method == "cnn" and network == "paper":
         return TABLE_I[row["learning_rate"]][TABLE_I_EPOCHS.index(row["epochs"])] / 100.0
     return None
-
-
-def _mask(index: IntArray, n: int) -> Rows:
-    mask = np.zeros(n, bool)
-    mask[index] = True
-    return mask

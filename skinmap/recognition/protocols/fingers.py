@@ -98,12 +98,7 @@ def _counts(
     return np.where(touched, np.clip(1 + more, 1, MOST), 0).astype(np.int64)
 
 
-def fit_widths(found: Described, fingers: IntArray, rows: BoolArray) -> tuple[float, float]:
-    """The two lengths [mm] that count the recordings of some rows (f,) best."""
-    return _fit(found, fingers, rows, WIDTH)[1:]
-
-
-def _fit(
+def fit_thresholds(
     found: Described, fingers: IntArray, rows: BoolArray, number: int
 ) -> tuple[float, float, float]:
     """What the best two thresholds are worth on some rows (f,), and they."""
@@ -120,45 +115,22 @@ def _fit(
     return float(score.flat[best]), float(narrow.flat[best]), float(finger.flat[best])
 
 
-def zero_training(
-    found: Described, fingers: IntArray, seeds: Sequence[int]
-) -> tuple[CountRow, tuple[float, float]]:
-    """Thresholds from a third of the recordings of each class, judged on the others.
-
-    Returns
-    -------
-    CountRow
-    tuple of float
-        Medians of the two lengths [mm] over the repetitions.
-    """
-    row, fits = _by_thresholds("width of the touch", found, fingers, seeds, (WIDTH,))
-    narrow, finger = np.median([lengths for _, *lengths in fits], axis=0).tolist()
-    return row, (narrow, finger)
-
-
 def chosen_number(
     found: Described, fingers: IntArray, seeds: Sequence[int]
-) -> tuple[CountRow, tuple[str, ...]]:
-    """The same where the third says too which of all `FEATURES` counts, and its name each time."""
-    every = range(len(FEATURES))
-    row, fits = _by_thresholds("a number that the third chose", found, fingers, seeds, every)
-    return row, tuple(FEATURES[best] for best, *_ in fits)
+) -> tuple[CountRow, list[str]]:
+    """A third of the recordings says which of `FEATURES` counts, with which thresholds.
 
-
-def _by_thresholds(
-    method: str, found: Described, fingers: IntArray, seeds: Sequence[int], numbers: Sequence[int]
-) -> tuple[CountRow, list[tuple[int, float, float]]]:
-    """Counts by the best of some numbers on a third, which it was, and its two thresholds."""
-    counts, tests, fits = [], [], []
+    Judged on the others; and the name of the number, of each seed.
+    """
+    counts, tests, names = [], [], []
     for seed in seeds:
         third = _third(fingers, np.random.default_rng(seed))
-        tried = {k: _fit(found, fingers, third, k) for k in numbers}
-        best = max(tried, key=lambda k: tried[k][0])
-        _, narrow, finger = tried[best]
-        counts.append(count_by_width(found, narrow, finger, number=best))
+        tried = [fit_thresholds(found, fingers, third, k) for k in range(len(FEATURES))]
+        best = max(range(len(tried)), key=lambda k, tried=tried: tried[k][0])  # type: ignore[misc]
+        counts.append(count_by_width(found, *tried[best][1:], number=best))
         tests.append(~third)
-        fits.append((best, narrow, finger))
-    return judge(method, counts, tests, fingers), fits
+        names.append(FEATURES[best])
+    return judge("a number that the third chose", counts, tests, fingers), names
 
 
 def trained(

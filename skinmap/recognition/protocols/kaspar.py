@@ -6,7 +6,7 @@ patterns on periodically distributed skin sensors for a humanoid robot", RO-MAN 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, cast
 
@@ -14,7 +14,6 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.parallel.run import task_rng
-from skinmap.parallel.workers import ONE, Workers
 from skinmap.recognition.histograms.intersection import intersection_kernel
 from skinmap.recognition.protocols.folds import (
     Fold,
@@ -38,7 +37,6 @@ from skinmap.recognition.protocols.samples import (
     count_votes,
     draw_samples,
     learn,
-    neighbours_within,
     resample,
     structures_of,
 )
@@ -73,11 +71,7 @@ def evaluate_kaspar(
     seeds: Sequence[int],
     samples: Mapping[str, int] = SAMPLES,
     percents: Sequence[int] = PERCENTS,
-    places: Places = "anywhere",
-    sampling: Sampling = "random",
-    variety: float = 0.0,
-    workers: Workers = ONE,
-    progress: Callable[[str], None] | None = None,
+    **how: Any,
 ) -> list[AccuracyRow]:
     """The table on simulated touches anywhere on a part.
 
@@ -91,15 +85,10 @@ def evaluate_kaspar(
         Samples of each gesture; the paper's by default.
     percents : sequence of int
         Shares of them that are drawn and cross-validated.
-    places : {"anywhere", "habitual", "grips"}
-        Where people touch.
-    sampling : {"random", "paper"}
-        How the shares are drawn: at random, or every 50th and every 10th sample.
-    variety : float
-        Random spread of touches and sensors; 0 as in the paper.
-    workers : Workers
-    progress : callable, optional
-        Called after each seed.
+    how
+        `places`, where people touch ("anywhere", "habitual", "grips"); `sampling`, "random" or as
+        in the "paper", every 50th and every 10th sample; `variety`, 0 as in the paper; and
+        `workers` and `progress` of `run_tasks`, which is called after each seed.
 
     Returns
     -------
@@ -116,18 +105,8 @@ def evaluate_kaspar(
     (10, 'plain', 192)
     """
     skin.hoods  # noqa: B018 - computed here once, then carried to the workers
-    found = run_repeats(
-        kaspar_repeat,
-        [{"seed": seed} for seed in seeds],
-        workers=workers,
-        progress=progress,
-        skin=skin,
-        samples=samples,
-        percents=tuple(percents),
-        places=places,
-        sampling=sampling,
-        variety=variety,
-    )
+    shared = {"skin": skin, "samples": samples, "percents": tuple(percents), **how}
+    found = run_repeats(kaspar_repeat, [{"seed": seed} for seed in seeds], **shared)
     return [averaged(rows) for rows in zip(*found, strict=True)]
 
 
@@ -183,9 +162,9 @@ def kaspar_repeat(
     skin: PreparedSkin,
     samples: Mapping[str, int],
     percents: tuple[int, ...],
-    places: Places,
-    sampling: Sampling,
-    variety: float,
+    places: Places = "anywhere",
+    sampling: Sampling = "random",
+    variety: float = 0.0,
 ) -> list[AccuracyRow]:
     """All rows of the table for one seed."""
     rng = task_rng(seed)
@@ -252,8 +231,7 @@ def sweep_radius_and_words(
     skin : PreparedSkin
     seeds : sequence of int
     how
-        `samples`, `percent`, `variety`, `workers` and `progress` of `evaluate_kaspar`; progress
-        comes once a seed.
+        `samples`, `percent`, `variety`, `workers` and `progress` of `evaluate_kaspar`.
 
     Returns
     -------
@@ -284,7 +262,7 @@ def sweep_repeat(
     learnt = int(rng.integers(2**31))
     rows = []
     for radius in RADII:
-        structures = structures_of(ROTATED, neighbours_within(skin, radius))
+        structures = structures_of(ROTATED, skin.neighbourhoods(radius=radius))
         shapes = structures.prototypes
         for words in WORD_COUNTS:
             book = learn(ROTATED, structures, part.book, seed=learnt, words=words)
@@ -377,18 +355,12 @@ def _choose(
     if able < 2:
         return len(kernel.grams) // 2, PENALTIES[len(PENALTIES) // 2]
     inner = make_folds(kind, labels[train], events[train], folds=able, rng=rng)
+    sides = [(train[fit], train[check]) for fit, check in inner]
     right = [
-        sum(
-            int(
-                np.count_nonzero(
-                    _predict(kernel.grams[which], labels, train[fit], train[check], c)
-                    == labels[train[check]]
-                )
-            )
-            for fit, check in inner
-        )
+        sum((_predict(kernel.grams[which], labels, *side, c) == labels[side[1]]).sum()
+            for side in sides)
         for which, c in grid
-    ]
+    ]  # fmt: skip
     return grid[int(np.argmax(right))]
 
 

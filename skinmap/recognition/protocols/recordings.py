@@ -115,10 +115,11 @@ def evaluate_recordings(
         rows = [one for one in repeats if isinstance(one, AccuracyRow)]
         if len(rows) == len(repeats):
             table.append(averaged(rows))
-        elif optional:
-            skipped[name] = next(one for one in repeats if isinstance(one, str))
-        else:
-            raise InvalidArrayError(f"{name}: {next(w for w in repeats if isinstance(w, str))}")
+            continue
+        why = next(one for one in repeats if isinstance(one, str))
+        if not optional:
+            raise InvalidArrayError(f"{name}: {why}")
+        skipped[name] = why
     means = {(row.classifier, row.folds): row.mean for row in table}
     leak = [
         LeakRow(classifier=name, points=100.0 * (mean - means[name, "event"]))

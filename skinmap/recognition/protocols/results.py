@@ -662,16 +662,11 @@ class FingersResult(RealSkin):
         Seeds of the repetitions.
     first_samples
         Number of samples of the control.
-    narrow_mm, finger_mm
-        Spread across one finger at most, and what each further one adds: chosen on a third of the
-        recordings, median over the repetitions.
     live
         Contacts of the live tracker in the heaviest sample; nothing is fitted.
-    width
-        Without training: two lengths from a third of the recordings, judged on the others.
     chosen, chosen_numbers
-        The same where the third chooses which number of contact geometry counts, too: nothing of
-        the rule is known from the recordings that judge it. And what it chose, of each seed.
+        Without training: a number of contact geometry and two thresholds chosen on a third of the
+        recordings, judged on the others; and which number it was, of each seed.
     trained
         Extra trees on contact geometry, a region of the skin left out in turn.
     """
@@ -681,10 +676,7 @@ class FingersResult(RealSkin):
     majority: float
     seeds: list[int]
     first_samples: int
-    narrow_mm: float
-    finger_mm: float
     live: CountRow
-    width: CountRow
     chosen: CountRow
     chosen_numbers: list[str]
     trained: CountRow

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
-from skinmap.neighbours.offsets import Neighbourhoods, flat_map_directions, neighbourhoods
+from skinmap.neighbours.offsets import Neighbourhoods
 from skinmap.neighbours.structures import Structures, find_structures
 from skinmap.recognition.protocols.folds import Names
 from skinmap.skin.skin import Skin
@@ -192,14 +192,6 @@ ROTATED = Recipe("histogram", 6)
 UPRIGHT = Recipe("histogram, no rotation", 1)
 LITERAL = Recipe("histogram, literal", 1, literal=True)
 RECIPES = (ROTATED, UPRIGHT, LITERAL)
-
-
-def neighbours_within(skin: PreparedSkin, radius: float) -> Neighbourhoods:
-    """The skin's neighbourhoods of a radius [m], mesh and flat map taken as they are."""
-    if radius == skin.radius:
-        return skin.hoods
-    directions = flat_map_directions(skin.flat)
-    return neighbourhoods(skin.skin.positions, skin.skin.normals, directions, radius=radius)
 
 
 def learn(

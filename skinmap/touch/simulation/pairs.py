@@ -38,7 +38,6 @@ def simulate_pairs(
     subjects: int = SUBJECTS,
     sensing: Sensing | None = None,
     variety: float = DEFAULT,
-    apart: float = APART,
     progress: Callable[[str], None] | None = None,
 ) -> Recording:
     """Pairs of touches, drawn at random from the gestures, that overlap in time.
@@ -52,8 +51,6 @@ def simulate_pairs(
         Pairs asked for. Fewer come where the part cannot hold two of those drawn.
     gestures, subjects, sensing, variety
         As for `simulate`; the two touches are of two people.
-    apart : float
-        Skin left free between them [m].
     progress : callable, optional
         Called once a pair with the name of the part.
 
@@ -79,7 +76,7 @@ def simulate_pairs(
             second = place(stage, names[1], people[int(who[1])], rng=rng)
             if second is None:
                 break
-            if _free(stage, first, second) >= apart:
+            if _free(stage, first, second) >= APART:
                 player.touch([first, second], [0.0, float(rng.uniform(0.0, DELAY))])
                 break
             # A part that is nearly full: let the first one move, too.

@@ -15,10 +15,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
@@ -367,56 +366,75 @@ def _middle(pads: Sequence[Pad]) -> FloatArray:
     return np.mean([[*pad.start, *pad.end] for pad in pads], axis=0).reshape(2, 2).mean(axis=0)
 
 
-class Player:
+class Plays:
+    """Plays loads one after another into a recording, with a pause after each."""
+
+    def __init__(self, skin: Skin, sensors: Sensors, rng: np.random.Generator) -> None:
+        self.skin, self.sensors, self.rng = skin, sensors, rng
+        self.rate = sensors.sensing.rate
+        self.rest = np.zeros((round(GAP * self.rate), len(skin)))
+        self._blocks = [np.zeros((0, len(skin)), np.uint8)]
+        self._events = [np.zeros(0, np.int64)]
+        self._labels: list[str] = []
+        self._subjects: list[int] = []
+        self._motions: list[TrueMotion | None] = []
+
+    def play(
+        self, label: str, subject: int, loads: FloatArray, motion: TrueMotion | None = None
+    ) -> None:
+        """Play the loads (t, n) of one event; its true motion counts from their first sample."""
+        self._motions.append(None if motion is None else motion.shifted(self.count / self.rate))
+        for block, event in ((loads, len(self._labels)), (self.rest, -1)):
+            self._blocks.append(self.sensors.read(block, rng=self.rng))
+            self._events.append(np.full(len(block), event))
+        self._labels.append(label)
+        self._subjects.append(subject)
+
+    @property
+    def count(self) -> int:
+        """Samples so far."""
+        return sum(map(len, self._blocks))
+
+    def played(self, kept: BoolArray | slice = slice(None), **known: Any) -> Recording:
+        """Everything so far, or the samples that are kept, with what else is known of it."""
+        return Recording(
+            self.skin.part,
+            (np.arange(self.count) / self.rate)[kept],
+            np.concatenate(self._blocks)[kept],
+            np.concatenate(self._events)[kept],
+            tuple(self._labels),
+            np.array(self._subjects, np.int64),
+            motions=tuple(self._motions) if any(self._motions) else (),
+            fingerprint=fingerprint(self.skin),
+            **known,
+        )
+
+
+class Player(Plays):
     """Plays touches one after another into a recording, with a pause after each."""
 
     def __init__(self, stage: Stage, rng: np.random.Generator) -> None:
-        self.stage, self.rng = stage, rng
-        self._blocks: list[NDArray[np.uint8]] = []
-        self._events: list[IntArray] = []
-        self._labels: list[str] = []
-        self._subjects: list[int] = []
+        super().__init__(stage.skin, stage.sensors, rng)
         self._owners: list[IntArray] = []
-        self._motions: list[TrueMotion | None] = []
 
     def touch(self, together: Sequence[Placed], starts: Sequence[float] = (0.0,)) -> None:
         """Play touches that overlap in time as one event; each starts at its own time [s]."""
-        sensors, rng = self.stage.sensors, self.rng
-        rate = sensors.sensing.rate
-        courses = [loads_over_time(placed, rate, rng) for placed in together]
-        first = [round(start * rate) for start in starts]
+        courses = [loads_over_time(placed, self.rate, self.rng) for placed in together]
+        first = [round(start * self.rate) for start in starts]
         total = max(begin + len(one) for begin, one in zip(first, courses, strict=True))
-        loads = np.zeros((total, len(self.stage.skin)))
+        loads = np.zeros((total, len(self.skin)))
         for begin, one in zip(first, courses, strict=True):
             loads[begin : begin + len(one)] += one
-        rest = np.zeros((round(GAP * rate), loads.shape[1]))
-        motion, began = together[0].motion, sum(map(len, self._blocks)) / rate
-        self._motions.append(None if motion is None else motion.shifted(began + first[0] / rate))
-        for block, event in ((loads, len(self._labels)), (rest, -1)):
-            self._blocks.append(sensors.read(block, rng=rng))
-            self._events.append(np.full(len(block), event))
-        self._labels.append("+".join(placed.label for placed in together))
-        self._subjects.append(together[0].subject.number)
+        motion = together[0].motion
+        label = "+".join(placed.label for placed in together)
+        self.play(label, together[0].subject.number, loads, motion)
         peaks = np.array([placed.loads.sum(axis=0) for placed in together])
         self._owners.append(np.where(peaks.max(axis=0) > 0, peaks.argmax(axis=0), -1))
 
     def recording(self, *, owners: bool = False) -> Recording:
         """Everything played so far; with `owners` the touch that each taxel belongs to."""
-        n = len(self.stage.skin)
-        pressures = np.concatenate(self._blocks or [np.zeros((0, n), np.uint8)])
-        times = np.arange(len(pressures)) / self.stage.sensors.sensing.rate
-        kept = ~self.stage.sensors.lost(len(times), rng=self.rng)
-        return Recording(
-            self.stage.skin.part,
-            times[kept],
-            pressures[kept],
-            np.concatenate(self._events or [np.zeros(0, np.int64)])[kept],
-            tuple(self._labels),
-            np.array(self._subjects, np.int64),
-            np.array(self._owners, np.int64).reshape(-1, n) if owners else None,
-            motions=tuple(self._motions) if any(self._motions) else (),
-            fingerprint=fingerprint(self.stage.skin),
-        )
+        owned = np.array(self._owners, np.int64).reshape(-1, len(self.skin)) if owners else None
+        return self.played(~self.sensors.lost(self.count, rng=self.rng), owners=owned)
 
 
 def loads_over_time(placed: Placed, rate: float, rng: np.random.Generator) -> FloatArray:

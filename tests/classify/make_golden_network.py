@@ -1,4 +1,4 @@
-"""Make the saved network of the tests: `python -m benchmarks.classify.contact_cnn` (needs torch).
+"""Make the saved network of the tests: `python -m tests.classify.make_golden_network`, by torch.
 
 Trains the small network on simulated touches of the Baxter-like forearm, and writes
 tests/golden/contact_cnn.npz beside the logits that torch gives for some images
@@ -8,7 +8,6 @@ tests/golden/contact_cnn.npz beside the logits that torch gives for some images
 from __future__ import annotations
 
 import json
-import time
 
 import numpy as np
 import torch
@@ -40,9 +39,7 @@ def main() -> None:
     """Train and write."""
     skin = PreparedSkin(load_robot(ROBOT).skin(PART))
     data = simulate_images(skin, images=IMAGES, rng=np.random.default_rng(SEED))
-    start = time.process_time()
     machine = ContactImageCNN("small", random_state=SEED).fit(data.table, data.labels)
-    print(f"{len(data)} images, {time.process_time() - start:.0f} s CPU")
     network = machine.trained
     head = json.dumps({"shape": network.shape, "labels": network.labels})
     layers = {f"kernel_{k}": kernel for k, kernel in enumerate(network.kernels)}
