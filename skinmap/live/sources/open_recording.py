@@ -18,11 +18,13 @@ from skinmap.errors import (
     UnknownNameError,
     check_kind,
 )
+from skinmap.io.recordings.mapping import find_mapping, is_own_archive
 from skinmap.io.recordings.recorded_stream import (
     Kind,
     RecordedStream,
     Samples,
     StreamInfo,
+    touches_of,
     warn_of_loss,
 )
 from skinmap.io.recordings.touch_files import FOREIGN
@@ -91,9 +93,10 @@ def open_recording(
     True
     """
     path = Path(path)
-    if path.suffix.lower() == ".npz" or path.suffix.lower() in FOREIGN:
+    track = _exported(path)
+    if track is None and path.suffix.lower() in (".npz", *FOREIGN):
         return _open_touches(path, robot, parts, speed=speed, loop=loop)
-    track = warn_of_loss(open_track(path, robot=robot, kind=kind), path)
+    track = warn_of_loss(track or open_track(path, robot=robot, kind=kind), path)
     info, values = track.info, track.values
     if parts is not None:
         info, columns = info.only(parts)
@@ -142,7 +145,7 @@ def open_track(
     if suffix in FOREIGN or suffix == ".npz":
         from skinmap.io.recordings.touch_files import read_recordings, track_of
 
-        return track_of(read_recordings(path), path)
+        return _exported(path) or track_of(read_recordings(path), path)
     if path.is_dir() or suffix == ".log":
         from skinmap.io.recordings.dumper import read_dump
 
@@ -153,6 +156,14 @@ def open_track(
         return read_xdf(path, robot=robot)
     check_kind(path, "a recording", *FOREIGN)
     raise UnknownNameError("reader of recordings for", path.name, FORMATS)
+
+
+def _exported(path: Path) -> RecordedStream | None:
+    """The track of a .npz of `skinmap export`; None for other files."""
+    from skinmap.io.recordings.touch_files import exported_track
+
+    own = is_own_archive(path) and path.is_file() and find_mapping(path) is None
+    return exported_track(path) if own else None
 
 
 class _Columns:
@@ -213,7 +224,8 @@ def _open_touches(
             {} if robot is None else {one.part: fingerprint(robot.skin(one.part)) for one in chosen}
         ),
     )
-    return Playback(info, longest.times, values, speed=speed, loop=loop)
+    marks = [touch for one in chosen for touch in touches_of(one.part, one)]
+    return Playback(info, longest.times, values, speed=speed, loop=loop, marks=marks)
 
 
 def _rate(recording: Recording) -> float:
