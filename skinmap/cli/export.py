@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from skinmap.io.recordings.recorded_stream import RecordedStream
     from skinmap.io.taxels.cyskin import CySkin
     from skinmap.live.loop import TouchLoop
+    from skinmap.live.sources.playback import MarkedSpan
     from skinmap.skin.taxels import TaxelTable
 
 FORMATS: dict[str, tuple[str, ...]] = {  # of taxels, with the endings of their files
@@ -321,7 +322,8 @@ def command(
     their names, plots. With --format touched a recording, or a folder of some, becomes a table
     (.csv) of where the robot was touched: count, dwell, largest pressure and last time of each
     taxel. With --format contacts a recording becomes a table (.csv, .parquet) with a row for each
-    touch and sample: place, area, names, and with --calibration force and pressures.
+    touch and sample: place, area, names, and with --calibration force and pressures; `marked` is
+    the label that the recording itself has there.
 
     \b
     Example:  skinmap export icub --part torso --format icub -o torso.txt
@@ -516,8 +518,11 @@ def export_images(source: str, parts: tuple[str, ...], output: Path, _: Any) -> 
 @contextmanager
 def _naming(
     path: Path, parts: tuple[str, ...], calibrations: tuple[str, ...] = ()
-) -> Iterator[TouchLoop]:
-    """A recording whose touches are named by the model of Skinmap, its rest learnt ahead."""
+) -> Iterator[tuple[TouchLoop, list[MarkedSpan]]]:
+    """A recording whose touches are named by the model of Skinmap, its rest learnt ahead.
+
+    Beside it the marks of the recording itself.
+    """
     from skinmap.live.loop import TouchLoop
     from skinmap.live.response.loads import load_calibrations
     from skinmap.live.sources.open_recording import open_recording
@@ -540,7 +545,7 @@ def _naming(
     with closing(loop):
         with closing(open_recording(path, robot=robot, speed=float("inf"))) as ahead:
             loop.learn_rest(ahead, LEARN)
-        yield loop
+        yield loop, source.marked()
 
 
 def export_rerun(source: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedRecording:
@@ -551,9 +556,9 @@ def export_rerun(source: str, parts: tuple[str, ...], output: Path, _: Any) -> E
 
     import_optional("rerun", NEED)  # before any work is done
     path = Path(source)
-    with _naming(path, parts) as loop, staged_file(output) as stage:
+    with _naming(path, parts) as (loop, marked), staged_file(output) as stage:
         skins = {part: one.skin for part, one in loop.skins.items()}
-        samples = write_rerun(loop, loop.robot, skins, stage, name=path.name)
+        samples = write_rerun(loop, loop.robot, skins, stage, name=path.name, marked=marked)
     return _named_recording(loop, RERUN, samples, output)
 
 
@@ -568,8 +573,9 @@ def export_contacts(
     parquet = output.suffix.lower() == ".parquet"
     if parquet:
         import_optional("pyarrow", NEED)  # before any work is done
-    with _naming(Path(source), parts, calibrations) as loop, staged_file(output) as stage:
-        write_contacts(loop, loop.robot, stage, parquet=parquet)
+    named = _naming(Path(source), parts, calibrations)
+    with named as (loop, marked), staged_file(output) as stage:
+        write_contacts(loop, loop.robot, stage, parquet=parquet, marked=marked)
     return _named_recording(loop, CONTACTS, loop.counts.used, output)
 
 

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from skinmap.imports import import_optional
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
+from skinmap.live.sources.playback import MarkedSpan
 from skinmap.skin.robot import Robot
 
 NEED = "a Parquet file needs pyarrow: pip install 'skinmap[lerobot]'"
@@ -19,11 +20,19 @@ COLUMNS = (
     "area_high_mm2", "force_n", "force_low_n", "force_high_n", "mean_kpa", "mean_low_kpa",
     "mean_high_kpa", "peak_kpa", "peak_low_kpa", "peak_high_kpa", "peak_counts", "label",
     "confidence", "kind", "motion", "hand", "refused",
+    "marked",
 )  # fmt: skip
 Cell = str | int | float | None
 
 
-def write_contacts(moments: Iterable[Moment], robot: Robot, path: Path, *, parquet: bool) -> int:
+def write_contacts(
+    moments: Iterable[Moment],
+    robot: Robot,
+    path: Path,
+    *,
+    parquet: bool,
+    marked: Sequence[MarkedSpan] = (),
+) -> int:
     """Write the touches of all moments.
 
     Parameters
@@ -35,6 +44,8 @@ def write_contacts(moments: Iterable[Moment], robot: Robot, path: Path, *, parqu
     path : Path
     parquet : bool
         Whether to write Parquet instead of CSV; all rows are held in memory then.
+    marked : sequence of (part, label, beginning, end)
+        Marks of the recording itself [s]; the last column names those of a touch's part.
 
     Returns
     -------
@@ -46,7 +57,11 @@ def write_contacts(moments: Iterable[Moment], robot: Robot, path: Path, *, parqu
     MissingLibraryError
         Parquet without pyarrow.
     """
-    rows = (row(moment.time, touch, robot) for moment in moments for touch in moment.touches)
+    rows = (
+        [*row(moment.time, touch, robot), _marked(moment.time, touch.part, marked)]
+        for moment in moments
+        for touch in moment.touches
+    )
     if not parquet:
         return _write_csv(rows, path)
     arrow = import_optional("pyarrow", NEED)
@@ -76,6 +91,11 @@ def row(time: float, touch: NamedTouch, robot: Robot) -> list[Cell]:
     ]  # fmt: skip
 
 
+def _marked(time: float, part: str, marked: Sequence[MarkedSpan]) -> str:
+    there = (label for of, label, begin, end in marked if of == part and begin <= time <= end)
+    return " + ".join(dict.fromkeys(there))
+
+
 def _write_csv(rows: Iterator[list[Cell]], path: Path) -> int:
     count = 0
     with path.open("w", newline="", encoding="utf-8") as file:
@@ -89,6 +109,6 @@ def _write_csv(rows: Iterator[list[Cell]], path: Path) -> int:
 
 
 def _schema(arrow: Any) -> Any:
-    texts = {"part", "link", "label", "kind", "motion", "hand", "refused"}
+    texts = {"part", "link", "label", "kind", "motion", "hand", "refused", "marked"}
     kinds = {"id": arrow.int64(), **{name: arrow.string() for name in texts}}
     return arrow.schema([(name, kinds.get(name, arrow.float64())) for name in COLUMNS])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinmap.imports import import_optional
 from skinmap.live.moment import Moment
+from skinmap.live.sources.playback import MarkedSpan
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 
@@ -32,6 +33,7 @@ def write_rerun(
     path: Path,
     *,
     name: str = "recording",
+    marked: Sequence[MarkedSpan] = (),
 ) -> int:
     """Write a file that rerun's viewer opens.
 
@@ -45,6 +47,8 @@ def write_rerun(
     path : Path
     name : str
         Of the recording in rerun's viewer.
+    marked : sequence of (part, label, beginning, end)
+        Marks of the recording itself [s]: a log of their own.
 
     Returns
     -------
@@ -66,6 +70,7 @@ def write_rerun(
         for moment in moments:
             writer.moment(moment)
             count += 1
+        writer.marks(marked)
         writer.flush()
     finally:
         stream.disconnect()
@@ -135,6 +140,13 @@ class _Writer:
                 self._coloured[part] = now
                 self._colour(part, now, pressures)
             self._touches(part, now, moment)
+
+    def marks(self, marked: Sequence[MarkedSpan]) -> None:
+        """Labels that the recording itself has."""
+        for part, label, begin, end in marked:
+            self.stream.set_time(TIMELINE, duration=begin - self._first)
+            text = f"{label} on {part}, {end - begin:.2f} s"
+            self.stream.log("marked", self.rerun.TextLog(text, level="INFO"))
 
     def flush(self) -> None:
         """Send what waits."""

@@ -1,8 +1,9 @@
-"""Recordings as data sets of others: Zarr by its own reader, LeRobot by Parquet's, rosbag2's."""
+"""Recordings as data sets of others: LeRobot by Parquet's reader, rosbag2's by rosbags."""
 
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -63,6 +64,53 @@ def test_lerobot_has_the_frames_tasks_and_taxels(recorded, tmp_path, icub):
     np.testing.assert_allclose(one["std"], track.values[:].std(axis=0), rtol=1e-9)
 
 
+def test_lerobot_holds_angles_and_names_its_times(tmp_path):
+    """Angles that come late, channels with gaps, and a rate of 12.5 with a pause of 10 s."""
+    parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow (skinmap[lerobot]) is missing")
+    from skinmap.errors import SkinWarning
+    from skinmap.io.recordings.lerobot import write_lerobot
+    from skinmap.io.recordings.recorded_stream import RecordedStream, StreamInfo
+    from skinmap.skin.taxels import TaxelTable
+
+    times = np.arange(50) / 12.5 + 10 * (np.arange(50) >= 25)
+    angles = np.full((50, 2), -0.7)
+    angles[:10] = angles[30] = np.nan
+    table = TaxelTable([1, 2, 5], [0, 0, 1], np.eye(3), np.eye(3))
+    info = StreamInfo("x", ("pad",), (3,), 0.0)
+    track = RecordedStream(info, times, np.zeros((50, 3), np.uint8), joints=("a", "b"),
+                           angles=angles, tables={"pad": table})  # fmt: skip
+    with pytest.warns(SkinWarning) as said:
+        write_lerobot(track, tmp_path / "d")
+    assert [str(one.message).split()[0] for one in said] == ["LeRobot", "angles"]
+    frames = parquet.read_table(tmp_path / "d/data/chunk-000/file-000.parquet").to_pydict()
+    np.testing.assert_allclose(frames["observation.state"], -0.7, atol=1e-6)
+    np.testing.assert_array_equal(frames["observation.time"], times)
+    features = json.loads((tmp_path / "d/meta/info.json").read_text())["features"]
+    assert features["observation.tactile.pad"]["names"] == ["pad_1", "pad_2", "pad_5"]
+
+
+@pytest.mark.parametrize("kind", ["pressure", "raw"])
+def test_an_exported_npz_is_exported_whole_again(kind, tmp_path):
+    """Joints, taxels and raw values came back as pressures alone, or were refused."""
+    from skinmap.io.recordings.learning import write_npz
+    from skinmap.io.recordings.recorded_stream import RecordedStream, StreamInfo
+    from skinmap.skin.taxels import TaxelTable
+
+    table = TaxelTable([1, 2, 5], [0, 0, 1], np.eye(3), np.eye(3))
+    values = np.random.default_rng(0).integers(0, 200, (50, 3)).astype(np.uint8)
+    track = RecordedStream(
+        StreamInfo("x", ("pad",), (3,), 50.0, kind), np.arange(50) / 50, values, joints=("a",),
+        angles=np.linspace(0, 1, 50)[:, None], tables={"pad": table},
+    )  # fmt: skip
+    write_npz(track, tmp_path / "a.npz")
+    result = export(str(tmp_path / "a.npz"), "-o", str(tmp_path / "b.npz"))
+    assert result.exit_code == 0, result.output
+    with np.load(tmp_path / "a.npz") as first, np.load(tmp_path / "b.npz") as second:
+        assert first.files == second.files
+        for name in first.files:
+            np.testing.assert_array_equal(first[name], second[name], err_msg=name)
+
+
 def test_lerobot_opens_by_its_own_reader(recorded, tmp_path):
     pytest.importorskip("pyarrow", reason="pyarrow (skinmap[lerobot]) is missing")
     datasets = pytest.importorskip(
@@ -112,3 +160,23 @@ def test_missing_package_of_a_stream_is_one_line(monkeypatch, package):
     result = CliRunner().invoke(cli, words)
     assert isinstance(result.exception, MissingLibraryError)  # exit 2 and one line, in `main`
     assert f"pip install 'skinmap[{package}]'" in str(result.exception)
+
+
+@pytest.mark.parametrize("suffix", [".mcap", ".npz"])
+def test_contacts_keep_the_marks_of_the_recording(suffix, tmp_path, icub):
+    """The table had the names of the shipped model alone."""
+    import csv
+
+    from skinmap import simulate
+
+    touches = simulate(icub.skin(PART), gestures=["poke"], per_gesture=1, rng=0)
+    named = replace(touches, labels=("a, b",))
+    save_recordings(named, tmp_path / f"t{suffix}", robot=icub)
+    result = export(
+        str(tmp_path / f"t{suffix}"), "--format", "contacts", "-o", str(tmp_path / "c.csv")
+    )
+    assert result.exit_code == 0, result.output
+    with (tmp_path / "c.csv").open(newline="") as file:
+        marked = [row["marked"] for row in csv.DictReader(file)]
+    assert marked[0] == "a, b"
+    assert marked.count("a, b") > len(marked) / 2

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import IntArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, SkinWarning
 from skinmap.imports import import_optional
 from skinmap.io.recordings.learning import about
@@ -52,12 +52,14 @@ def write_lerobot(track: RecordedStream, folder: Path) -> None:
     fps = round(track.info.rate)
     if any(touch.motion is not None for touch in track.touches):
         warnings.warn(
-            "a LeRobot data set does not keep the true motion of touches, .mcap and .npz do",
+            "a LeRobot data set does not keep the true motion of touches, .mcap, .npz and .h5 do",
             SkinWarning,
             stacklevel=2,
         )
     if len(track.times) == 0 or fps < 1:
         raise DataFormatError(f"{len(track.times)} samples at {track.info.rate:g} Hz", folder)
+    _warn_of_times(track.times, fps)
+    angles = _held_angles(track) if track.joints else track.angles
     tasks, task_of = _tasks(track)
     features = _features(track)
     for file in (DATA, EPISODES):
@@ -65,7 +67,7 @@ def write_lerobot(track: RecordedStream, folder: Path) -> None:
     statistics = {name: _Statistics() for name in features}
     schema = _schema(features, pa)
     with pq.ParquetWriter(folder / DATA, schema) as writer:
-        for columns in _blocks(track, fps, task_of):
+        for columns in _blocks(track, fps, task_of, angles):
             for name, values in columns.items():
                 statistics[name].add(values)
             arrays = [_arrow(columns[name], schema.field(name).type, pa) for name in schema.names]
@@ -78,11 +80,41 @@ def write_lerobot(track: RecordedStream, folder: Path) -> None:
     _json(folder / "meta" / "skin.json", _skin(track))
 
 
+def _warn_of_times(times: FloatArray, fps: int) -> None:
+    """LeRobot has one whole rate: `timestamp` is the number of the frame by it."""
+    off = np.abs(times - times[0] - np.arange(len(times)) / fps).max()
+    if off > 1.5 / fps:
+        warnings.warn(
+            f"LeRobot counts frames at a whole rate ({fps} a second): its `timestamp` is up to "
+            f"{off:.3g} s off the recorded times, which `{TIME}` keeps",
+            SkinWarning,
+            stacklevel=3,
+        )
+
+
+def _held_angles(track: RecordedStream) -> FloatArray:
+    """Joint angles (t, j); where one was not recorded, the known one nearest before, else after."""
+    rows, known = np.arange(len(track.times)), np.isfinite(track.angles)
+    missing = [name for name, one in zip(track.joints, known.T, strict=True) if not one.all()]
+    if missing:
+        warnings.warn(
+            f"angles of {', '.join(missing[:4])} are missing in some samples: the last known one "
+            f"stands there, 0 where none is known",
+            SkinWarning,
+            stacklevel=3,
+        )
+    before = np.maximum.accumulate(np.where(known, rows[:, None], -1), axis=0)
+    place = np.where(before < 0, known.argmax(axis=0), before)
+    return np.nan_to_num(np.take_along_axis(track.angles, place, axis=0))
+
+
 def _features(track: RecordedStream) -> dict[str, dict[str, Any]]:
     """Name, type and shape of each column, as `info.json` has them."""
     features: dict[str, dict[str, Any]] = {}
     for part, width in zip(track.parts, track.info.widths, strict=True):
-        names = [f"{part}_{channel}" for channel in range(width)]
+        table = track.tables.get(part)
+        known = range(width) if table is None or len(table) != width else table.channels.tolist()
+        names = [f"{part}_{channel}" for channel in known]
         features[f"{PRESSURES}.{part}"] = {"dtype": "float32", "shape": [width], "names": names}
     if track.joints:
         shape, names = [len(track.joints)], list(track.joints)
@@ -95,7 +127,7 @@ def _features(track: RecordedStream) -> dict[str, dict[str, Any]]:
 
 
 def _blocks(
-    track: RecordedStream, fps: int, task_of: IntArray
+    track: RecordedStream, fps: int, task_of: IntArray, angles: FloatArray
 ) -> Iterator[dict[str, NDArray[Any]]]:
     """Columns of the frames, some at a time."""
     for rows, values in track.blocks():
@@ -105,7 +137,7 @@ def _blocks(
             for part in track.parts
         }
         if track.joints:
-            columns[STATE] = np.nan_to_num(track.angles[rows]).astype(np.float32)
+            columns[STATE] = angles[rows].astype(np.float32)
         columns[TIME] = track.times[rows]
         columns["timestamp"] = (index / fps).astype(np.float32)
         columns |= dict.fromkeys(("frame_index", "index"), index)

@@ -85,14 +85,28 @@ def load_recordings(path: str | Path) -> list[Recording]:
 
 def _load_npz(path: Path) -> list[Recording]:
     """What `save_recordings` or `skinmap export` wrote."""
+    track = exported_track(path)
+    return archive.load_recordings(path) if track is None else recordings_of(track, path)
+
+
+def exported_track(path: Path) -> RecordedStream | None:
+    """The whole recording of a .npz of `skinmap export`: joints, taxels and raw values, too.
+
+    None for what `save_recordings` wrote.
+
+    Raises
+    ------
+    DataFormatError
+        Neither of the two.
+    """
     from skinmap.io.recordings.learning import track_of_arrays
 
     with open_arrays(path, "a Skinmap recording") as arrays:
         if "about" in arrays:
-            return recordings_of(track_of_arrays(arrays, path), path)
+            return track_of_arrays(arrays, path)
         if "head" not in arrays:
             raise DataFormatError(f"not a Skinmap recording: {arrays.files[:4]}. {HOW}", path)
-    return archive.load_recordings(path)
+    return None
 
 
 def check_suffix(path: Path) -> None:

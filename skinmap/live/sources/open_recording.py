@@ -9,6 +9,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError, check_kind
+from skinmap.io.recordings.mapping import find_mapping, is_own_archive
 from skinmap.io.recordings.recorded_stream import (
     Kind,
     RecordedStream,
@@ -143,6 +144,8 @@ def open_track(
     if suffix in TOUCHES:
         from skinmap.io.recordings.touch_files import read_recordings, track_of
 
+        if own := _exported(path):
+            return own
         found = read_recordings(path)
         return track_of([one for one in found if one.part in (parts or ())] or found, path)
     if path.is_dir() or suffix == ".log":
@@ -155,6 +158,14 @@ def open_track(
         return read_xdf(path, robot=robot)
     check_kind(path, "a recording", *FOREIGN)
     raise UnknownNameError("reader of recordings for", path.name, FORMATS)
+
+
+def _exported(path: Path) -> RecordedStream | None:
+    """The track of a .npz of `skinmap export`; None for other files."""
+    from skinmap.io.recordings.touch_files import exported_track
+
+    own = is_own_archive(path) and path.is_file() and find_mapping(path) is None
+    return exported_track(path) if own else None
 
 
 class _Columns:

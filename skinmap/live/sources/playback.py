@@ -17,6 +17,8 @@ from skinmap.live.sources.source import MAX_BLOCK, Block, Seekable, SourceEnded,
 
 GAP = 0.5  # without a sample: something is lost [s]
 
+MarkedSpan = tuple[str, str, float, float]  # part, label, beginning and end [s]
+
 
 class Playback(Seekable):
     """A recording as a source: `Seekable`.
@@ -135,7 +137,7 @@ class Playback(Seekable):
         pairs = zip(self._times[after].tolist(), self._times[after + 1].tolist(), strict=True)
         return list(pairs)
 
-    def marked(self) -> list[tuple[str, str, float, float]]:
+    def marked(self) -> list[MarkedSpan]:
         """Part, label, beginning and end [s] of each mark, in the recording's clock."""
         there = [one for one in self.marks if one.first <= one.last]
         times = self._times
