@@ -183,15 +183,17 @@ def _check_angles(found: PlaneEvidence, robot: Robot) -> None:
     sliding = np.array([joint in robot.body.sliding_joints for joint in found.joints])
     small = np.where(sliding, angles, np.deg2rad(angles))
     inside = (small >= limits[:, 0] - SLACK) & (small <= limits[:, 1] + SLACK)
-    if inside.all():
+    if inside.all() and (np.abs(angles[:, ~sliding]) > 2.0 * np.pi).any():
         raise InvalidArrayError(
             f"the angles look like degrees ({joint} at press {press} is {value:.4g}, its limits "
             f"are {low:.4g} to {high:.4g} rad): multiply them by pi / 180"
         )
     unit = "m" if joint in robot.body.sliding_joints else "rad"
+    turned = -angles[:, column]
+    fits = ((turned >= low - SLACK) & (turned <= high + SLACK)).all()
     raise InvalidArrayError(
         f"{joint} at press {press} is {value:.4g} {unit}, its limits are {low:.4g} to {high:.4g} "
-        f"{unit}"
+        f"{unit}" + ("; with the sign turned all its angles fit" if fits else "")
     )
 
 

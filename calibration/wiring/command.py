@@ -83,7 +83,6 @@ def checkup(
     from calibration.wiring.examination import Plan, examine_live, examine_recording
     from calibration.wiring.history import earlier_checkups, keep_checkup
 
-    when = datetime.now(UTC)
     loaded, names = open_robot(robot, parts)
     simulated, recorded = source == "sim", source != "sim" and _is_file(source)
     if simulated and not parts:
@@ -111,11 +110,11 @@ def checkup(
             examined = examine_recording(Path(source), loaded, parts, plan, places=places)
         else:
             examined = examine_live(live, loaded, parts, plan)
+    when = examined.recorded or datetime.now(UTC)
     result = findings(examined)
     if history is not None:
-        changes, kept = keep_checkup(history, before, examined, result, when)
-        result = with_changes(result, examined.cases, changes, len(before) + 1)
-        result = replace(result, files=kept)
+        kept = keep_checkup(history, before, examined, result, when)
+        result = with_changes(result, examined.cases, kept)
     if output is not None:
         written = _written(output, result, examined, loaded, when)
         result = replace(result, files=[*written, *result.files])

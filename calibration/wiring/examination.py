@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -42,6 +43,7 @@ REST_SECONDS, SECONDS = 5.0, 60.0  # untouched, and in all, on the clock of the 
 COST = {"poke": 2.0, "stroke": 2.5}  # of a touch and the way to it [s]
 PATIENCE = 15.0  # that a touch is waited for [s]
 BESIDE, OFTEN = 8e-3, 2  # taxels so near a stroke are felt [m]; strokes that measure a gain
+DATED = 1e9  # later times of a recording are seconds of Unix (since September 2001)
 MAX_REST = 3000  # samples of a recording's rest that are judged
 Answers = Mapping[str, FloatArray]  # (t, n) by part [counts]
 
@@ -128,6 +130,8 @@ class Examination:
         Duration on the clock of the skin [s].
     notes : tuple of str
         Questions that stay open.
+    recorded : datetime, optional
+        Beginning of a recording whose clock has a date.
     """
 
     source: str
@@ -135,6 +139,7 @@ class Examination:
     cases: tuple[Case, ...]
     skin_seconds: float
     notes: tuple[str, ...] = ()
+    recorded: datetime | None = None
 
 
 def open_cases(robot: Robot, parts: Sequence[str]) -> dict[str, Case]:
@@ -278,7 +283,10 @@ def examine_recording(
     if not any(case.doctor.touches for case in cases.values()):
         notes.append("no touch, or no --places of them: only the rest was judged")
     span = float(track.times[-1] - track.times[0]) if len(track.times) else 0.0
-    return concluded(path.name, robot, plan, cases, span, notes)
+    whole = concluded(path.name, robot, plan, cases, span, notes)
+    began = float(track.times[0]) if len(track.times) else 0.0
+    dated = DATED < began < time.time()
+    return replace(whole, recorded=datetime.fromtimestamp(began, UTC) if dated else None)
 
 
 def _examine_part(

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from calibration.wiring.boards import Boards
     from calibration.wiring.examination import Case, Examination
     from calibration.wiring.faults import Fault
-    from calibration.wiring.history import Change
+    from calibration.wiring.history import History
     from skinmap.arrays import IntArray
 
 AROUND = 1.5  # pitches: the neighbours of a taxel, diagonal ones of a square too
@@ -27,7 +27,7 @@ ORDER = ("inconsistent", "faulty", "undecided", "healthy")  # worst first
 MAX_NAMED = 8  # channels in a line
 BROAD = "pokes press more channels at once than a fingertip does: press with one finger, or stroke"
 WORDS = {
-    "healthy": "nothing is wrong",
+    "healthy": "no fault was found",
     "faulty": "faults were found",
     "undecided": "no fault so far, and not enough touches to exclude one",
     "inconsistent": "the answers do not come from where the touches were asked for: the places "
@@ -138,25 +138,27 @@ def findings(examined: Examination) -> CheckupResult:
     )
 
 
-def with_changes(
-    result: CheckupResult, cases: Sequence[Case], changes: Sequence[Change], checkups: int
-) -> CheckupResult:
+def with_changes(result: CheckupResult, cases: Sequence[Case], history: History) -> CheckupResult:
     """The result with what has changed since earlier check-ups."""
     boards = {case.part: case.boards for case in cases}
     known = {(one.part, c) for one in result.faults for c in one.channels}
-    new = [
+    rows = [
         _taxel_row(boards[one.part], one.kind, [one.row], one.words, one.confidence, one.since)
-        for one in changes
+        for one in history.changes
         if (one.part, int(boards[one.part].table.channels[one.row])) not in known
     ]  # fmt: skip
+    new = [one for one in rows if one.kind != "recovered"]
     changed = {one.part for one in new}
     parts = [
         replace(one, status="faulty") if one.part in changed and one.status != "inconsistent"
         else one for one in result.parts
     ]  # fmt: skip
     return replace(
-        result, faults=[*result.faults, *new], parts=parts, checkups=checkups,
+        result, faults=[*result.faults, *new], parts=parts, checkups=history.compared,
         status=min((one.status for one in parts), key=ORDER.index),
+        notes=[*result.notes, *history.notes,
+               *(one.words for one in rows if one.kind == "recovered")],
+        files=history.files,
     )  # fmt: skip
 
 

@@ -10,13 +10,15 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import msgspec
 import numpy as np
+from scipy.stats import norm
+from scipy.stats import t as student
 
 from calibration.wiring.gains import SPREAD, gains_told
-from skinmap.arrays import FloatArray
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import DataFormatError, OutputError
 from skinmap.io.output import staged_file
 from skinmap.report.page import plain_figure, save_figure
@@ -29,7 +31,9 @@ SURE, WEAKER = 3.6, 0.15  # deviations that a change needs, and its least size [
 WANDER = 0.03  # of gains between check-ups [log]
 ROUNDS, DOUBT = 3, 2.5  # of judging: taxels so many deviations off are no measure for others
 UNMET = 10.0  # precision below which nothing measured a gain
+PRIOR = 4  # degrees of freedom of what all taxels show of the scatter between strokes
 MOVED, NOISIER = 12.0, 3.0  # least change of a baseline [counts], and of a noise (times)
+UNTOLD = 0.1  # share of taxels whose gain cannot be compared that deserves a note
 MOST_DRAWN = 400  # taxels of which each has a line of its own
 
 
@@ -61,6 +65,15 @@ class KeptCheckup(msgspec.Struct, frozen=True):
     parts: dict[str, KeptPart]
 
 
+class History(NamedTuple):
+    """What a check-up shows beside those before: changes, notes, check-ups compared, files."""
+
+    changes: list[Change]
+    notes: list[str]
+    compared: int
+    files: list[str]
+
+
 @dataclass(frozen=True, slots=True)
 class Change:
     """A taxel that is not what it was: its row in the table, and since when."""
@@ -74,6 +87,7 @@ class Change:
 
 
 FORMAT = "skinmap check-up 1"
+AWAY = "Move it out of the folder"
 
 
 def earlier_checkups(folder: Path) -> list[KeptCheckup]:
@@ -90,7 +104,7 @@ def earlier_checkups(folder: Path) -> list[KeptCheckup]:
             one = msgspec.json.decode(path.read_bytes(), type=KeptCheckup)
             datetime.fromisoformat(one.time)
         except (msgspec.MsgspecError, OSError, ValueError) as error:
-            raise DataFormatError(f"not a kept check-up: {error}", path) from None
+            raise DataFormatError(f"not a kept check-up: {error}. {AWAY}", path) from None
         if one.format != FORMAT or any(
             len({len(part.channels), len(part.baseline), len(part.noise)}) != 1
             or any(len(t.rows) != len(t.pull)
@@ -98,8 +112,11 @@ def earlier_checkups(folder: Path) -> list[KeptCheckup]:
                    or not all(0 <= r < len(part.channels) for r in t.rows) for t in part.gains)
             for part in one.parts.values()
         ):  # fmt: skip
-            raise DataFormatError(f"not a kept check-up of format {FORMAT!r}", path)
+            raise DataFormatError(f"not a kept check-up of format {FORMAT!r}. {AWAY}", path)
+        if datetime.fromisoformat(one.time).tzinfo is None:
+            one = msgspec.structs.replace(one, time=f"{one.time}+00:00")
         found.append(one)
+    found.sort(key=lambda one: datetime.fromisoformat(one.time))
     return found
 
 
@@ -109,8 +126,8 @@ def keep_checkup(
     examined: Examination,
     result: CheckupResult,
     when: datetime,
-) -> tuple[list[Change], list[str]]:
-    """Write a check-up and its drawing beside those before; what has changed, and the files.
+) -> History:
+    """Write a check-up and its drawing beside those before.
 
     Raises
     ------
@@ -122,25 +139,36 @@ def keep_checkup(
                       result.status, [one.words for one in result.faults], parts)  # fmt: skip
     stem = folder / f"checkup_{when:%Y-%m-%dT%H-%M-%S}"
     if stem.with_suffix(".json").exists():
-        raise OutputError(f"{stem!s}.json is there already: wait for a second")
+        raise OutputError(f"{stem!s}.json is there already: this recording, or a check-up of the "
+                          f"same second, was kept before")  # fmt: skip
     folder.mkdir(parents=True, exist_ok=True)
     with staged_file(stem.with_suffix(".json")) as stage:
         stage.write_bytes(msgspec.json.format(msgspec.json.encode(now), indent=1))
     changes: list[Change] = []
     courses = []
+    notes = []
+    compared = 1
     for case in examined.cases:
         channels = case.boards.table.channels.tolist()
         times, own = checkups_of((*before, now), now.robot, case.part, channels)
+        compared = max(compared, len(times))
+        if other := len(before) + 1 - len(times):
+            notes.append(f"{case.part} is not in {other} of the earlier check-ups, or they are of "
+                         f"another robot or other channels")  # fmt: skip
         if len(times) > 1 and case.doctor.status != "inconsistent":
             found, gain = changes_of(case.part, times, own)
             changes += found
             courses.append((case.part, times, own, gain))
+            unmet = np.isnan(gain[-1]) | np.isnan(gain[:-1]).all(axis=0)
+            if unmet.mean() > UNTOLD and len(times) > 2:
+                notes.append(f"too few strokes to compare the gain of {unmet.sum()} of "
+                             f"{len(unmet)} taxels of {case.part} with earlier ones")  # fmt: skip
     files = [str(stem.with_suffix(".json"))]
     if courses:
         with staged_file(stem.with_suffix(".pdf")) as stage:
             save_figure(_drawing(courses, changes), stage)
         files.append(str(stem.with_suffix(".pdf")))
-    return changes, files
+    return History(changes, notes, compared, files)
 
 
 def checkups_of(
@@ -157,11 +185,10 @@ def changes_of(
     part: str, times: Sequence[str], kept: Sequence[KeptPart]
 ) -> tuple[list[Change], FloatArray]:
     """The changes of a part's (n,) taxels over e check-ups, and their log gains (e, n)."""
-    told = [_told(one.gains, len(one.channels)) for one in kept]
-    gain = np.array([np.where(precision.diagonal() > UNMET, _gains(precision, pull)[0], np.nan)
-                     for precision, pull in told])  # fmt: skip
+    sides = [_Side.of([one]) for one in kept]
+    gain = np.array([np.where(one.met, one.gains, np.nan) for one in sides])
     return [
-        *_gain_changes(part, times, told),
+        *_gain_changes(part, times, kept),
         *_rest_changes(part, times, kept),
     ], gain
 
@@ -187,17 +214,62 @@ def _told(touches: Sequence[KeptTouch], count: int) -> tuple[FloatArray, FloatAr
     """Precision (n, n) and pull (n,) that touches give together."""
     precision, pull = np.zeros((count, count)), np.zeros(count)
     for one in touches:
-        own = np.zeros((len(one.rows), len(one.rows)))
-        own[np.triu_indices(len(own))] = one.precision
-        precision[np.ix_(one.rows, one.rows)] += own + np.triu(own, 1).T
+        precision[np.ix_(one.rows, one.rows)] += _square(one)
         pull[one.rows] += one.pull
     return precision, pull
 
 
-def _gains(precision: FloatArray, pull: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Logarithms of gains (n,) and their covariance (n, n)."""
-    covariance = np.linalg.inv(precision + np.eye(len(pull)) / SPREAD**2)
-    return covariance @ pull, np.asarray(covariance)
+class _Side(NamedTuple):
+    """Log gains (n,) by the touches of some check-ups, as precise as these touches agree."""
+
+    gains: FloatArray
+    covariance: FloatArray  # (n, n) where the model of a touch is right
+    scatter: FloatArray  # (n,) variance by the touches' own disagreement
+    freedom: FloatArray  # (n,) touches that met a taxel, less one
+    met: BoolArray
+
+    @classmethod
+    def of(cls, kept: Sequence[KeptPart]) -> _Side:
+        """Evidence of all touches together."""
+        touches = [touch for one in kept for touch in one.gains]
+        precision, pull = _told(touches, len(kept[0].channels))
+        covariance = np.asarray(np.linalg.inv(precision + np.eye(len(pull)) / SPREAD**2), float)
+        gains = covariance @ pull
+        scatter, meet = np.zeros(len(pull)), np.zeros(len(pull))
+        for one in touches:
+            own = _square(one)
+            off = np.asarray(one.pull) - own @ gains[one.rows]
+            scatter += (covariance[:, one.rows] @ off) ** 2
+            meet[one.rows] += own.diagonal() > 1.0
+        freedom = np.maximum(meet - 1.0, 0.0)
+        scatter *= meet / np.maximum(freedom, 1.0)
+        return cls(gains, covariance, scatter, freedom, precision.diagonal() > UNMET)
+
+
+def _square(touch: KeptTouch) -> FloatArray:
+    """Precision (k, k) of a touch."""
+    own = np.zeros((len(touch.rows), len(touch.rows)))
+    own[np.triu_indices(len(own))] = touch.precision
+    return own + np.triu(own, 1).T
+
+
+def _compared(old: _Side, new: _Side) -> tuple[FloatArray, FloatArray]:
+    """Changes (n,) of log gains beside those of the other taxels, and their normal scores.
+
+    The precision of a touch holds where its model does. Where touches of one side disagree more,
+    the variance grows as they do: each taxel's own, drawn to that of all by `PRIOR`.
+    """
+    covariance = old.covariance + new.covariance
+    freedom, met = old.freedom + new.freedom, old.met & new.met
+    excess = (old.scatter + new.scatter) / covariance.diagonal()
+    judged = excess[met & (freedom > 0)]
+    usual = np.minimum(judged, 3.0 * np.median(judged)).mean() if len(judged) else 1.0
+    grown = (freedom * excess + PRIOR * usual) / (freedom + PRIOR)
+    grown = np.sqrt(np.maximum(grown, 1.0))
+    covariance = covariance * np.outer(grown, grown) + WANDER**2 * np.eye(len(met))
+    size, score = _unlike_others(new.gains - old.gains, covariance)
+    normal = norm.isf(student.sf(np.abs(score), freedom + PRIOR))
+    return size, np.where(met, normal, 0.0)
 
 
 def _unlike_others(gap: FloatArray, covariance: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -213,41 +285,63 @@ def _unlike_others(gap: FloatArray, covariance: FloatArray) -> tuple[FloatArray,
     return size, score
 
 
-def _gain_changes(
-    part: str, times: Sequence[str], told: Sequence[tuple[FloatArray, FloatArray]]
-) -> Iterator[Change]:
-    """Taxels whose gain is another one from a check-up on; two check-ups must show it."""
-    size, best = np.zeros(len(told[0][1])), np.zeros(len(told[0][1]))
-    first = np.zeros(len(best), np.int64)
+def _gain_changes(part: str, times: Sequence[str], kept: Sequence[KeptPart]) -> Iterator[Change]:
+    """Taxels whose gain is another one from a check-up on; two check-ups must show it.
+
+    One that is back at the gain of the first check-ups has recovered.
+    """
+    count = len(kept[0].channels)
+    size, best, first = np.zeros(count), np.zeros(count), np.zeros(count, np.int64)
+    sides = {}
     for split in range(1, len(times) - 1):
-        old, new = ([sum(both) for both in zip(*some, strict=True)]
-                    for some in (told[:split], told[split:]))  # fmt: skip
-        before, unsure = _gains(*old)
-        after, doubt = _gains(*new)
-        met = (old[0].diagonal() > UNMET) & (new[0].diagonal() > UNMET)
-        own, score = _unlike_others(after - before, unsure + doubt + WANDER**2 * np.eye(len(met)))
-        better = met & (np.abs(score) > np.abs(best))
+        sides[split] = _Side.of(kept[:split]), _Side.of(kept[split:])
+        own, score = _compared(*sides[split])
+        better = score > best
         best[better], size[better], first[better] = score[better], own[better], split
-    for row in np.flatnonzero((np.abs(best) > SURE) & (np.abs(size) > WEAKER)).tolist():
+    for row in np.flatnonzero((best > SURE) & (np.abs(size) > WEAKER)).tolist():
+        split = int(first[row])
         kind = "weaker" if size[row] < 0 else "stronger"
         words = f"{kind} by {abs(np.expm1(size[row])):.0%}"
-        yield _change(part, row, kind, words, times[first[row]], 0.99)
+        for before in range(1, split):
+            back = _compared(sides[before][0], sides[split][1])[0][row]
+            if abs(back) < min(WEAKER, 0.5 * abs(size[row])):
+                kind, words = "recovered", f"back at its first gain, {words}"
+        sure = 1.0 - min(0.5, 2.0 * count * float(norm.sf(best[row])))
+        yield _change(part, row, kind, words, times[split], sure)
 
 
 def _rest_changes(part: str, times: Sequence[str], kept: Sequence[KeptPart]) -> Iterator[Change]:
-    """Taxels whose baseline or noise is another one in the last check-up."""
+    """Taxels whose baseline or noise is another one from a check-up on, and still is."""
     level = np.array([one.baseline for one in kept])
+    level = level - level[0]
+    level -= np.median(level, axis=1, keepdims=True)
+    split, old, new = _steps(level)
+    still = np.minimum(np.abs(level[-1] - old), np.abs(level[-1]))
+    for row in np.flatnonzero((np.abs(new - old) > MOVED) & (still > MOVED)).tolist():
+        way = "higher" if new[row] > old[row] else "lower"
+        text = f"its rest lies {abs(new[row] - old[row]):.0f} counts {way}"
+        yield _change(part, row, "moved", text, times[split[row]], 0.95)
     rough = np.array([one.noise for one in kept])
-    moved = level[-1] - np.median(level[:-1], axis=0)
-    for row in np.flatnonzero(np.abs(moved - np.median(moved)) > MOVED).tolist():
-        text = (
-            f"its rest lies {abs(moved[row]):.0f} counts {'higher' if moved[row] > 0 else 'lower'}"
+    split, old, new = _steps(rough)
+    usual = np.maximum(np.maximum(old, rough[0]), np.median(rough))
+    for row in np.flatnonzero(np.minimum(new, rough[-1]) > NOISIER * usual + 0.3).tolist():
+        text = f"{new[row] / usual[row]:.1f} times as noisy"
+        yield _change(part, row, "noisier", text, times[split[row]], 0.95)
+
+
+def _steps(course: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
+    """For each of n courses (e, n) the split that two constants fit best, and these (n,)."""
+    least = np.full(course.shape[1], np.inf)
+    split = np.ones(course.shape[1], np.int64)
+    ends = np.zeros((2, course.shape[1]))
+    for one in range(1, len(course)):
+        pair = np.array([np.median(half, axis=0) for half in (course[:one], course[one:])])
+        off = np.abs(course[:one] - pair[0]).sum(axis=0) + np.abs(course[one:] - pair[1]).sum(
+            axis=0
         )
-        yield _change(part, row, "moved", text, times[-1], 0.95)
-    usual = np.maximum(np.median(rough[:-1], axis=0), np.median(rough))
-    for row in np.flatnonzero(rough[-1] > NOISIER * usual + 0.3).tolist():
-        text = f"{rough[-1][row] / usual[row]:.1f} times as noisy"
-        yield _change(part, row, "noisier", text, times[-1], 0.95)
+        better = off < least
+        least[better], split[better], ends[:, better] = off[better], one, pair[:, better]
+    return split, ends[0], ends[1]
 
 
 def _change(part: str, row: int, kind: str, words: str, since: str, sure: float) -> Change:
@@ -263,7 +357,11 @@ def _drawing(
     axes = figure.subplots(len(courses), 3, squeeze=False)
     for line, (part, times, kept, gain) in zip(axes, courses, strict=True):
         days = [datetime.fromisoformat(one) for one in times]
-        changed = {one.row: kept[0].channels[one.row] for one in changes if one.part == part}
+        changed = {
+            one.row: kept[0].channels[one.row]
+            for one in changes
+            if one.part == part and one.kind != "recovered"
+        }
         drawn = {"rest [counts]": [one.baseline for one in kept],
                  "noise [counts]": [one.noise for one in kept],
                  "gain beside its neighbours": np.exp(gain)}  # fmt: skip

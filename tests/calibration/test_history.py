@@ -33,7 +33,7 @@ PART = "left_forearm"
 TIMES = [f"2026-{month:02}-03T10:00:00+00:00" for month in (9, 10, 11)]
 
 
-def kept(boards, rng, weak=(), baseline=0.0):
+def kept(boards, rng, weak=(), baseline=0.0, odd=0.0):
     """A check-up with strokes all over, of a finger that wanders beside where it was asked for."""
     doctor = Doctor.of(boards)
     doctor.next_place("stroke")
@@ -46,6 +46,7 @@ def kept(boards, rng, weak=(), baseline=0.0):
         away = np.linalg.norm(boards.table.positions - track[:, None], axis=2)
         force = 150 * np.exp(np.cumsum(rng.normal(0, 0.05, (30, 1)), axis=0))
         samples = force * np.exp(-(away**2) / 2 / 6e-3**2) * gains
+        samples = samples * np.exp(rng.normal(0.0, odd, len(gains)))
         samples = np.minimum(np.rint(samples + rng.normal(0, 1.2, samples.shape)), 255.0)
         one = gains_told(boards, make_touch(samples, "stroke", path, samples), gains > 0)
         triangle = one.precision[np.triu_indices(len(one.rows))]
@@ -70,6 +71,48 @@ def test_a_taxel_that_loses_gain_is_named_after_two_checkups(icub):
     assert changes_of(PART, TIMES[:2], several[:2])[0] == []  # one check-up may err
 
 
+def test_touches_that_disagree_change_no_sound_taxel(icub):
+    """Fingers that press some taxels more in one stroke than in the next: 45 were named."""
+    boards, rng = boards_of(icub, PART), np.random.default_rng(0)
+    several = [kept(boards, rng, odd=0.15) for _ in range(3)]
+    assert len(changes_of(PART, TIMES, several)[0]) <= 1
+
+
+def test_a_moved_rest_keeps_its_date_and_may_come_back():
+    """It was dated by the latest check-up, and forgotten after as many as before."""
+    times = [f"2026-{month:02}-03T10:00:00+00:00" for month in range(1, 10)]
+
+    def named(levels, noises=()):
+        noises = noises or [0.5] * len(levels)
+        parts = [
+            KeptPart([0, 1, 2], [level, 20.0, 20.0], [noise, 0.5, 0.5])
+            for level, noise in zip(levels, noises, strict=True)
+        ]
+        return [(one.kind, one.row, one.since[5:7])
+                for one in changes_of(PART, times[: len(parts)], parts)[0]]  # fmt: skip
+
+    for after in range(1, 6):
+        assert named([20.0] * 3 + [60.0] * after) == [("moved", 0, "04")]
+    assert named([20.0, 60.0, 60.0, 20.0, 20.5]) == []
+    assert named([20.0] * 6, [0.5] * 3 + [4.0] * 3) == [("noisier", 0, "04")]
+
+
+def test_checkups_of_another_robot_are_named(icub, tmp_path):
+    folder = tmp_path / "checkups"
+    folder.mkdir()
+    other = KeptCheckup(FORMAT, TIMES[0][:19], "other", "healthy", [], {})
+    (folder / "checkup_0.json").write_bytes(msgspec.json.encode(other))
+    skin = SimulatedSkin(icub, PART, [], 3)
+    found = examine_live(skin, icub, (PART,), Plan(markers=[skin]))
+    before = earlier_checkups(folder)
+    assert before[0].time == TIMES[0]  # without a zone: UTC
+    result = findings(found)
+    history = keep_checkup(folder, before, found, result, datetime(2026, 11, 3, 10, tzinfo=UTC))
+    result = with_changes(result, found.cases, history)
+    assert result.checkups == 1
+    assert result.notes[-1].startswith(f"{PART} is not in 1 of the earlier check-ups")
+
+
 def test_checkups_of_a_person_find_what_became_weaker(icub):
     boards = boards_of(icub, PART)
     rows = [12, 60, 111, 170, 222]
@@ -91,9 +134,9 @@ def test_each_checkup_is_kept_beside_those_before(icub, tmp_path):
         before = earlier_checkups(folder)
         when = datetime(2026, 11, day, 10, tzinfo=UTC)
         result = findings(found)
-        changes, files = keep_checkup(folder, before, found, result, when)
-        result = with_changes(result, found.cases, changes, len(before) + 1)
-    assert (result.status, result.checkups, len(files)) == ("healthy", 2, 2)
+        kept = keep_checkup(folder, before, found, result, when)
+        result = with_changes(result, found.cases, kept)
+    assert (result.status, result.checkups, len(result.files)) == ("healthy", 2, 2)
     names = sorted(path.name for path in folder.iterdir())
     assert names == ["checkup_2026-11-03T10-00-00.json", "checkup_2026-11-04T10-00-00.json",
                      "checkup_2026-11-04T10-00-00.pdf"]  # fmt: skip
