@@ -11,7 +11,7 @@ trap 'rm -rf "$work"' EXIT
 "$work/env/bin/uv" pip install --quiet --python "$work/env/bin/python" \
     --resolution lowest-direct --editable . \
     'pytest>=9.0' 'pytest-timeout>=2.3' 'hypothesis>=6.100' 'jsonschema>=4.23' 'yourdfpy>=0.0.60' \
-    'pandas>=2.2' 'setuptools>=77'
+    'pandas>=2.2' 'h5py>=3.11' 'setuptools>=77'
 "$work/env/bin/uv" pip list --python "$work/env/bin/python"
 "$work/env/bin/python" -m pytest -q -p no:cacheprovider \
     tests/geometry tests/skin tests/surface tests/flat tests/io tests/touch tests/classify "$@"

@@ -29,6 +29,7 @@ COMMANDS = {
     "export urdf": "export icub --part left_hand --format urdf -o OUT.urdf",
     "export mjcf": "export icub --part left_hand --format mjcf -o OUT.xml",
     "export .npz": "export IN.mcap -o OUT.npz",
+    "export .h5": "export IN.mcap -o OUT.h5",
     "export .mcap": "export IN.mcap -o OUT.mcap",
     "flatten": "flatten icub --part left_hand -o OUT",
     "evaluate": "evaluate IN.npz --seeds 1 -o OUT",

@@ -23,7 +23,7 @@ from benchmarks.viewer import page_soak, viewer_soak
 
 FILE = RESULTS / "reliability.json"
 COVERAGE = cuts.CORPUS / "counts.json"
-QUICK_DISK = ("export csv", "export .npz", "label -o csv")
+QUICK_DISK = ("export csv", "export .h5", "label -o csv")
 UPDATES, SAMPLES = 200_000, 4_320_000  # of window and page; of the loop (a day at 50 Hz)
 MOST_GROWN_MB = 5.0  # of the loop
 MOST_WINDOW_MB = 20.0  # of window and page, whose pictures are kept in pieces of many sizes

@@ -41,7 +41,9 @@ CONTACTS = "contacts"  # a table of a recording
 IMAGES = "images"  # a folder of pictures of a recording
 ENDINGS = {TOUCHED: (".csv",), RERUN: (".rrd",), CONTACTS: (".csv", ".parquet")}
 RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
-MCAP, NPZ = ".mcap", ".npz"  # endings that only recordings are written in
+WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
+WRITTEN = (".mcap", *WRITERS)  # endings that only recordings are written in
+MCAP = ".mcap"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -311,8 +313,8 @@ def command(
     are; FORMAT:FILE reads one whose suffix does not tell its format.
 
     A recording (.mcap, .npz, .xdf, data.log) in place of the robot is written as arrays for
-    machine learning, with -o *.npz. A cut or damaged .mcap is written whole again, for all MCAP
-    readers, with -o *.mcap. Folders are written with --format lerobot
+    machine learning: HDF5 or NPZ, by the suffix of the output. A cut or damaged .mcap is written
+    whole again, for all MCAP readers, with -o *.mcap. Folders are written with --format lerobot
     (a LeRobot data set) or rosbag2 (with a cloud of the taxels for every sample).
 
     With --format images each marked touch becomes a contact image as published, 66 x 100 pixels of
@@ -329,7 +331,7 @@ def command(
     Example:  skinmap export icub --part torso --format icub -o torso.txt
     Example:  skinmap export icub --format mjcf -o icub.xml
     Example:  skinmap export torso.txt --format csv -o torso.csv
-    Example:  skinmap export touch.mcap -o touch.npz
+    Example:  skinmap export touch.mcap -o touch.h5
     Example:  skinmap export cut.mcap -o whole.mcap
     Example:  skinmap export touch.mcap --format lerobot -o dataset
     Example:  skinmap export touch.mcap --format images -o folder
@@ -341,7 +343,7 @@ def command(
         raise click.UsageError("--calibration needs --format contacts")
     from skinmap.io.recordings.touch_files import is_foreign
 
-    written = format in (RERUN, CONTACTS, *FOLDERS) or output.suffix.lower() in (MCAP, NPZ)
+    written = format in (RERUN, CONTACTS, *FOLDERS) or output.suffix.lower() in WRITTEN
     recorded = _is_recording(Path(robot)) or (written and is_foreign(Path(robot)))
     if format in (RERUN, CONTACTS, *FOLDERS) and not recorded:
         raise click.UsageError(f"{format} is for recordings, and {robot} is not one")
@@ -597,12 +599,12 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
     from skinmap.errors import UnknownNameError
     from skinmap.io.mcap.reading import write_repaired
     from skinmap.io.output import staged_file
-    from skinmap.io.recordings.learning import write_npz
+    from skinmap.io.recordings import learning
     from skinmap.live.sources.open_recording import open_track
 
     suffix, mends = output.suffix.lower(), path.suffix.lower() == MCAP
     if format is not None:
-        if suffix in RECORDINGS:
+        if suffix in (*RECORDINGS, *WRITERS):
             name = output.name
             raise click.UsageError(f"{format} is a folder, {name!r} is the name of a file")
         track = open_track(path)
@@ -610,12 +612,12 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
     elif suffix == MCAP and mends:
         with staged_file(output) as stage:
             track = write_repaired(path, stage)
-    elif suffix == NPZ:
+    elif suffix in WRITERS:
         track = open_track(path)
         with staged_file(output) as stage:
-            write_npz(track, stage)
+            getattr(learning, WRITERS[suffix])(track, stage)
     else:
-        formats = [NPZ, *([MCAP] if mends else [])]
+        formats = [*WRITERS, *([MCAP] if mends else [])]
         raise UnknownNameError("format of a recording for files ending in", suffix, formats)
     pairs = zip(track.parts, track.info.widths, strict=True)
     return ExportedRecording(

@@ -82,6 +82,7 @@ PURPOSES = {
     "foxglove": "streams to Foxglove",
     "zenoh": "streams from and to ROS 2",
     "lerobot": "LeRobot data sets",
+    "hdf5": "arrays as .h5",
     "movies": "movies as .mp4",
     "rerun": "files for rerun",
     "torch": "training of networks",

@@ -22,7 +22,7 @@ FILES = {
     "train {RECORDING} -o": ("c.mcap", "m.skinmodel"),
     "export icub --part torso -o": ("torso.csv",),
     "export icub --format mjcf -o": ("icub.xml",),
-    "export {RECORDING} -o": ("t.npz", "e.mcap"),
+    "export {RECORDING} -o": ("t.h5", "t.npz", "e.mcap"),
     "examine {RECORDING} --mend": ("m.npz",),
     "record sim -o": ("t.mcap",),
     "label {RECORDING} -o": ("n.mcap",),
@@ -180,7 +180,7 @@ def test_without_a_place_for_notes_only_what_is_not_there_is_written(tmp_path, m
         ("icub --part torso --format icub", "torso.csv"),
         ("icub --part torso --format urdf", "torso"),
         ("icub --format mjcf", "icub.urdf"),
-        ("{RECORDING} --format lerobot", "data.npz"),
+        ("{RECORDING} --format lerobot", "data.h5"),
     ],
 )
 def test_export_refuses_an_ending_of_another_format(tmp_path, words, name):

@@ -1,10 +1,11 @@
-"""Recordings as plain arrays for machine learning, in an NPZ archive.
+"""Recordings as plain arrays for machine learning: HDF5 and NPZ, the same names in both.
 
 times (t,), and for each part: PART/values (t, n), PART/events (t,), PART/labels (k,),
 PART/subjects (k,), PART/sessions (k,), PART/people (k,), and of its taxels PART/channels,
 PART/modules, PART/positions, PART/normals; of touches whose true motion is known (number k)
 PART/motions/k/presses (p, 2) and PART/motions/k/way (w, 4), as docs/recordings.md has them;
-joints (j,) and angles (t, j) where there are any. The rest is JSON in `about`.
+joints (j,) and angles (t, j) where there are any. HDF5 has the rest as attributes, NPZ as JSON in
+`about`.
 """
 
 from __future__ import annotations
@@ -17,8 +18,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.errors import DataFormatError
+from skinmap.errors import DataFormatError, OutputError
+from skinmap.imports import import_optional
 from skinmap.io.recordings.recorded_stream import (
+    BLOCK,
     PartEvents,
     RecordedStream,
     StreamInfo,
@@ -29,6 +32,7 @@ from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.true_motion import TrueMotion
 
 FORMAT = "skinmap-arrays-1"
+GZIP = 4
 TAXELS = ("channels", "modules", "positions", "normals")  # arrays of a part's taxels
 
 
@@ -75,6 +79,98 @@ def about(track: RecordedStream) -> dict[str, Any]:
         "recovered": track.loss.recovered,
         "lost_seconds": track.loss.seconds,
     }
+
+
+def write_hdf5(track: RecordedStream, path: Path) -> None:
+    """Write HDF5, block by block: a recording need not fit into memory.
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    h5py = import_optional("h5py", "HDF5 needs h5py: pip install 'skinmap[hdf5]'")
+
+    try:
+        with path.open("w+b", buffering=0) as raw, h5py.File(disk := _Disk(raw), "w") as file:
+            for key, value in about(track).items():
+                plain = value if isinstance(value, str | int | float) else json.dumps(value)
+                file.attrs[key] = plain
+            for name, array in arrays_of(track, path):
+                kind = h5py.string_dtype() if array.dtype.kind == "U" else array.dtype
+                packing = "gzip" if array.ndim and array.size > BLOCK else None
+                content = array.astype(object) if array.dtype.kind == "U" else array
+                file.create_dataset(name, data=content, dtype=kind, compression=packing)
+                disk.check()
+            count = len(track.times)
+            packed = {"compression": "gzip", "compression_opts": GZIP, "shuffle": True}
+            for part, width in zip(track.parts, track.info.widths, strict=True):
+                how = {**packed, "chunks": (min(BLOCK, count), width)} if count else {}
+                kind = track.values[:1].dtype
+                file.create_dataset(f"{part}/values", (count, width), kind, **how)
+            for rows, values in track.blocks():
+                for part in track.parts:
+                    file[f"{part}/values"][rows] = values[:, track.columns(part)]
+                disk.check()
+    except OSError as error:
+        raise OutputError(f"cannot write {str(path)!r}: {error.strerror or error}") from error
+
+
+class _Disk:
+    """A file whose refused writes stay in memory until it is closed: HDF5 crashes where one fails.
+
+    Parameters
+    ----------
+    file : raw file
+        Open for writing and reading, without a buffer.
+    """
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+        self._refused: OSError | None = None
+        self._late: list[tuple[int, bytes]] = []  # what was written since, and where
+
+    def check(self) -> None:
+        """Raise what was refused."""
+        if self._refused is not None:
+            raise self._refused
+
+    def write(self, data: Any) -> int:
+        """Write all of it, or keep it."""
+        start, whole = self._file.tell(), bytes(data)
+        left = memoryview(whole)
+        while left and self._refused is None:
+            try:
+                left = left[self._file.write(left) :]
+            except OSError as error:
+                self._refused = error
+        if self._refused is not None:
+            self._late.append((start, whole))
+            self._file.seek(start + len(whole))
+        return len(whole)
+
+    def readinto(self, buffer: Any) -> int:
+        """Read what was written, zeros beyond it."""
+        view, start = memoryview(buffer).cast("B"), self._file.tell()
+        read = self._file.readinto(view) or 0
+        view[read:] = bytes(len(view) - read)
+        for place, data in self._late:
+            first, last = max(place, start), min(place + len(data), start + len(view))
+            if first < last:
+                view[first - start : last - start] = data[first - place : last - place]
+        self._file.seek(start + len(view))
+        return len(view)
+
+    def truncate(self, size: int) -> int:
+        """Make the file so long, if it may be."""
+        try:
+            self._file.truncate(size)
+        except OSError as error:
+            self._refused = self._refused or error
+        return size
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
 
 
 def write_npz(track: RecordedStream, path: Path) -> None:
