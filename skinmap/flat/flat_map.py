@@ -300,6 +300,9 @@ def flatten(
         how["max_seconds"] = max_seconds and max_seconds * weight / sum(weights[patch:])
         charts.append(_flatten_patch(mesh, patch, cutting, how))
         max_seconds = max_seconds and max(max_seconds - charts[-1].seconds, 1e-9)
+    if words := mesh.left_out():
+        words += "; they have no place on the map"
+        warnings.warn(f"{mesh.skin.part!r}: {words}", SkinWarning, stacklevel=2)
     charts = _arranged(mesh, charts)
     uv = np.full((len(mesh.skin), 2), np.nan)
     for chart in charts:
