@@ -30,7 +30,7 @@ from skinmap.surface.surface_mesh import SurfaceMesh
 
 STRETCHING = ("tutte", "harmonic", "lscm", "bff", "fast")  # methods that do not keep lengths
 STRETCHED, SLIT = 0.5, 4.5  # error of edges that is warned of, and the energy that mends it
-BULGE, WORTH = 0.5, 0.02  # curvature of a rim [rad], and the edge error that a seam to it saves
+BULGE, WORTH = 0.2, 0.02  # curvature of a rim [rad], and the edge error that a seam to it saves
 ISOMETRY = 4.0  # symmetric Dirichlet energy of a map without distortion
 
 __all__ = ["DEFAULT", "HOLE_SHARE", "Chart", "FlatMap", "flatten", "flatten_disc"]
