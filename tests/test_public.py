@@ -39,6 +39,22 @@ def test_the_stub_is_the_list_of_names():
     assert {*skinmap.__all__} <= {*PLACES, "__version__"}
 
 
+@pytest.mark.parametrize(
+    "stub", sorted(ROOT.glob("[a-z]*/**/__init__.pyi")), ids=lambda path: path.parent.name
+)
+def test_no_name_is_that_of_a_module_beside_it(stub):
+    # An import of the module would set it under the name, and nobody would find the object.
+    places = {
+        alias.asname or alias.name: node.module or ""
+        for node in ast.parse(stub.read_text()).body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    beside = {path.stem for path in stub.parent.iterdir()}
+    package = ".".join(stub.parent.relative_to(ROOT).parts)
+    assert not [name for name, module in places.items() if name in beside and module != package]
+
+
 def test_there_are_about_thirty_names():
     assert 28 <= len(skinmap.__all__) <= 40
     assert set(skinmap.__all__) <= set(dir(skinmap))

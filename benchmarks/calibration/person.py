@@ -18,7 +18,7 @@ from calibration.wiring.boards import Boards
 from calibration.wiring.faults import all_faults
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.geometry.log_map import log_map
+from skinmap.geometry.log_maps import log_map
 from skinmap.geometry.proximity import nearest_first
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.live.sources.source import Block, Source, StreamInfo

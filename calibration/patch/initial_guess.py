@@ -9,7 +9,7 @@ from scipy.spatial import cKDTree
 
 from calibration.patch.link_surface import THIN, Target
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.log_map import log_map
+from skinmap.geometry.log_maps import log_map
 
 REACH = 1.25  # of a log map, in sizes of the board: paths along edges are a tenth longer
 NEAR = 12  # surface points whose coordinates place one taxel

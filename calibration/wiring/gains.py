@@ -17,7 +17,7 @@ from calibration.wiring.answer_model import THRESHOLD
 from calibration.wiring.boards import Boards
 from calibration.wiring.touches import Touch
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.geometry.log_map import log_map
+from skinmap.geometry.log_maps import log_map
 from skinmap.geometry.proximity import bridged_graph
 
 MM = 1e3

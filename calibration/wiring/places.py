@@ -32,7 +32,7 @@ from calibration.wiring.answer_model import (
 from calibration.wiring.boards import Boards, Wiring, conjugate
 from calibration.wiring.faults import Fault, Hypotheses
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.log_map import log_map
+from skinmap.geometry.log_maps import log_map
 from skinmap.geometry.proximity import bridged_graph, nearest_first
 from skinmap.geometry.triangles import pair_lengths
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
@@ -20,7 +20,7 @@ from skinmap.flat.distortion import Distortion, edge_rms, measure_distortion
 from skinmap.flat.methods import check_effort, flatteners
 from skinmap.flat.periodic import periodic_map, tube_rims
 from skinmap.flat.seam_choice import Divided, add_seams, seam_of_touches
-from skinmap.flat.seams import CutMesh, open_surface, price_of, touch_counts
+from skinmap.flat.seams import CutMesh, open_surface, price_of, rims_and_holes, touch_counts
 from skinmap.geometry.raster import enclosing_triangles
 from skinmap.geometry.topology import check_surface, edges
 from skinmap.skin.normals import along_line
@@ -30,6 +30,7 @@ from skinmap.surface.surface_mesh import SurfaceMesh
 
 STRETCHING = ("tutte", "harmonic", "lscm", "bff", "fast")  # methods that do not keep lengths
 STRETCHED, SLIT = 0.5, 4.5  # error of edges that is warned of, and the energy that mends it
+BULGE, WORTH = 0.2, 0.02  # curvature of a rim [rad], and the edge error that a seam to it saves
 ISOMETRY = 4.0  # symmetric Dirichlet energy of a map without distortion
 
 __all__ = ["DEFAULT", "HOLE_SHARE", "Chart", "FlatMap", "flatten", "flatten_disc"]
@@ -300,6 +301,9 @@ def flatten(
         how["max_seconds"] = max_seconds and max_seconds * weight / sum(weights[patch:])
         charts.append(_flatten_patch(mesh, patch, cutting, how))
         max_seconds = max_seconds and max(max_seconds - charts[-1].seconds, 1e-9)
+    if words := mesh.left_out():
+        words += "; they have no place on the map"
+        warnings.warn(f"{mesh.skin.part!r}: {words}", SkinWarning, stacklevel=2)
     charts = _arranged(mesh, charts)
     uv = np.full((len(mesh.skin), 2), np.nan)
     for chart in charts:
@@ -437,18 +441,16 @@ def _opened(
     away = np.flatnonzero(np.isin(taxels, cutting.avoid))
     often = None if cutting.touched is None else cutting.touched[taxels]
     own = cutting.cuts[np.isin(cutting.cuts, taxels).all(axis=1)]
+    bulge = np.inf if cutting.periodic else _bulge(vertices, faces, edge_error)
+    opening: dict[str, Any] = {"hole_share": HOLE_SHARE, "bulge": bulge, "avoid": away}
     divided = None
     if cutting.touches is not None:
         touches = [np.searchsorted(taxels, t[np.isin(t, taxels)]) for t in cutting.touches]
-        cut, divided = seam_of_touches(
-            vertices, faces, touches, edge_error, hole_share=HOLE_SHARE, avoid=away
-        )
+        cut, divided = seam_of_touches(vertices, faces, touches, edge_error, **opening)
         often = touch_counts(touches, len(taxels))
     else:
         along = np.searchsorted(taxels, own)
-        cut = open_surface(
-            vertices, faces, hole_share=HOLE_SHARE, avoid=away, touched=often, along=along
-        )
+        cut = open_surface(vertices, faces, touched=often, along=along, **opening)
     if cutting.max_distortion is None:
         return _Opened(cut, lay_flat(vertices[cut.origin], cut.faces), divided)
     price = price_of(vertices, away, often)
@@ -463,6 +465,21 @@ def _opened(
             stacklevel=4,
         )
     return _Opened(cut, flat, divided)
+
+
+def _bulge(vertices: FloatArray, faces: IntArray, error: Callable[[CutMesh], float]) -> float:
+    """`BULGE` where seams to rims as short as holes save edge error; else infinity: all are filled.
+
+    Trials are for what has such rims: maps of all others cost what they did.
+    """
+    filled, cut = (rims_and_holes(vertices, faces, HOLE_SHARE, one)[0] for one in (np.inf, BULGE))
+    if len(filled) == len(cut):
+        return np.inf
+    before, after = (
+        error(open_surface(vertices, faces, hole_share=HOLE_SHARE, bulge=one))
+        for one in (np.inf, BULGE)
+    )
+    return BULGE if after < before - WORTH else np.inf
 
 
 def _arranged(mesh: SurfaceMesh, charts: list[Chart]) -> list[Chart]:

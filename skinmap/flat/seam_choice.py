@@ -88,6 +88,7 @@ def seam_of_touches(
     edge_error: Callable[[CutMesh], float],
     *,
     hole_share: float,
+    bulge: float = np.inf,
     avoid: IntArray | None = None,
 ) -> tuple[CutMesh, Divided]:
     """The cut that opens a connected surface and divides the fewest touches, and how many.
@@ -102,12 +103,12 @@ def seam_of_touches(
     edge_error : callable
         Edge error of the flat map of a cut surface, 0.01 for 1 %: no cut that costs more than
         half a percentage point beside the shortest is taken.
-    hole_share : float
+    hole_share, bulge : float
         As for `open_surface`.
     avoid : (k,) array of int, optional
         Vertices that seams keep away from where there is another way.
     """
-    plain = open_surface(vertices, faces, hole_share=hole_share, avoid=avoid)
+    plain = open_surface(vertices, faces, hole_share=hole_share, bulge=bulge, avoid=avoid)
     own = [touch for touch in touches if len(touch)]
     if len(plain.origin) == len(vertices) or not own:
         return plain, Divided(len(own), 0, 0, float("nan"))
@@ -117,7 +118,7 @@ def seam_of_touches(
     def is_faithful(cut: CutMesh) -> bool:
         return edge_error(cut) <= limit
 
-    surface = _Surface(vertices, faces, hole_share, avoid, plain, is_faithful)
+    surface = _Surface(vertices, faces, hole_share, bulge, avoid, plain, is_faithful)
     before, after = surface.held_out(own)
     shortest = divided_touches(plain.faces, plain.origin, own)
     gain = 1.0 - after / before if before else float("nan")
@@ -133,6 +134,7 @@ class _Surface:
     vertices: FloatArray
     faces: IntArray
     hole_share: float
+    bulge: float
     avoid: IntArray | None
     plain: CutMesh
     is_faithful: Callable[[CutMesh], bool]
@@ -168,6 +170,7 @@ class _Surface:
                 self.vertices,
                 self.faces,
                 hole_share=self.hole_share,
+                bulge=self.bulge,
                 avoid=self.avoid,
                 touched=often,
                 untouched=floor,

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidMeshError
+from skinmap.flat.disc import Disc
 from skinmap.geometry.topology import (
     boundary_loops,
     edges,
@@ -55,6 +56,7 @@ def open_surface(
     faces: IntArray,
     *,
     hole_share: float,
+    bulge: float = np.inf,
     avoid: IntArray | None = None,
     touched: FloatArray | None = None,
     untouched: float = UNTOUCHED,
@@ -70,6 +72,8 @@ def open_surface(
     faces : (m, 3) array of int
     hole_share : float
         Holes up to this share of the outer border's length are left for filling.
+    bulge : float
+        Of those, what has more curvature than this is a rim, too [rad]: `rims_and_holes`.
     avoid : (k,) array of int, optional
         Vertices that seams keep away from where there is another way.
     touched : (n,) array of float, optional
@@ -91,28 +95,45 @@ def open_surface(
     Erickson and Whittlesey, "Greedy optimal homotopy and homology generators", SODA 2005.
     """
     if along is not None and len(along):
-        again = {"avoid": avoid, "touched": touched, "untouched": untouched}
+        again = {"avoid": avoid, "touched": touched, "untouched": untouched, "bulge": bulge}
         return _open_further(vertices, faces, along, hole_share, again)
     price = _Price(vertices, avoid, touched, untouched)
-    none, loops = np.zeros((0, 2), np.int64), loops_by_length(vertices, faces)
-    limit = hole_share * loop_length(vertices, loops[0]) if loops else 0.0
-    wide = [loop for loop in loops if loop_length(vertices, loop) > limit]
-    if loops:
-        cuts = _opening(price, faces, wide, loops[len(wide) :])
+    rims, holes = rims_and_holes(vertices, faces, hole_share, bulge)
+    if rims:
+        cuts = _opening(price, faces, rims, holes)
     else:
         ends = slit or far_ends(vertices, faces, 0, 1)
         cuts = (
             _slit(price, faces, ends)
             if euler_number(faces) == 2
-            else (_handle_cuts(price, faces, None, [], none))
+            else _handle_cuts(price, faces, None, [], np.zeros((0, 2), np.int64))
         )
     if len(cuts) == 0:
         return CutMesh(faces, np.arange(len(vertices)), 0.0)
     opened, origin = split_along(faces, cuts)
     if face_components(opened).any():  # a seam along a small hole cuts out what lies between
-        cuts = _opening(price, faces, loops, [])
+        cuts = _opening(price, faces, [*rims, *holes], [])
         opened, origin = split_along(faces, cuts)
     return CutMesh(opened, origin, float(price.lengths(cuts).sum()))
+
+
+def rims_and_holes(
+    vertices: FloatArray, faces: IntArray, hole_share: float, bulge: float = np.inf
+) -> tuple[list[IntArray], list[IntArray]]:
+    """The loops of a surface that seams lead to, the longest first, and those that are filled.
+
+    A rim is longer than a share of the longest loop, or what fills it has more curvature than
+    `bulge` [rad]: by the angles round it none where a hole is cut out of what lies flat, and
+    2 pi (1 - sin a) at the narrow end of a cone of half angle a (Gauss-Bonnet).
+    """
+    loops = loops_by_length(vertices, faces)
+    found: tuple[list[IntArray], list[IntArray]] = [], []
+    limit = hole_share * loop_length(vertices, loops[0]) if loops else 0.0
+    sums = Disc(vertices, faces, faces[0]).angle_sums
+    for loop in loops:
+        curved = abs(2.0 * np.pi + float((np.pi - sums[loop]).sum())) > bulge
+        found[0 if curved or loop_length(vertices, loop) > limit else 1].append(loop)
+    return found
 
 
 def _open_further(

@@ -1,4 +1,4 @@
-from skinmap.geometry.log_map import log_map
+from skinmap.geometry.log_maps import log_map
 from skinmap.geometry.proximity import (
     bridged_graph,
     closest_on_mesh,

@@ -23,7 +23,7 @@ def edge_graph(vertices: FloatArray, edges: IntArray) -> csr_array:
     return graph.maximum(graph.T)
 
 
-def bridged_graph(points: FloatArray, k: int, limit: float) -> csr_array:
+def bridged_graph(points: FloatArray, k: int, limit: float | FloatArray) -> csr_array:
     """Neighbour graph whose separate pieces are joined by their shortest straight bridges.
 
     A limb carries several patches; a hand spans the gaps between them, so distances between
@@ -36,8 +36,8 @@ def bridged_graph(points: FloatArray, k: int, limit: float) -> csr_array:
     Positions [m].
     k : int
     Neighbours of each point.
-    limit : float
-    Neighbours further away are left out [m].
+    limit : float or (n,) array of float
+    Neighbours further away are left out [m]; of the limits at two points the smaller counts.
 
     Returns
     -------
@@ -194,11 +194,12 @@ def nearest_of(tree: cKDTree, rows: IntArray, k: int) -> tuple[FloatArray, IntAr
     return np.take_along_axis(distance, order, 1), np.take_along_axis(index, order, 1)
 
 
-def neighbour_graph(points: FloatArray, k: int, limit: float) -> csr_array:
+def neighbour_graph(points: FloatArray, k: int, limit: float | FloatArray) -> csr_array:
     """Symmetric (n, n) graph of the k nearest within a limit [m], weighted by distance [m]."""
     distance, index = nearest(points, k)
     row = np.repeat(np.arange(len(points)), index.shape[1])
-    keep = distance.ravel() <= limit
+    limit = np.broadcast_to(limit, len(points))
+    keep = distance.ravel() <= np.minimum(limit[row], limit[index.ravel()])
     graph = coo_array(
         (distance.ravel()[keep], (row[keep], index.ravel()[keep])), shape=(len(points),) * 2
     ).tocsr()

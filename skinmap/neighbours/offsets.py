@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import FlatMap
-from skinmap.geometry.log_map import log_map
+from skinmap.geometry.log_maps import log_map
 from skinmap.geometry.proximity import edge_graph, median_spacing
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import cross_products, pair_lengths, unit

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import UnknownNameError
-from skinmap.geometry.log_map import log_map
+from skinmap.geometry.log_maps import log_map
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.physics.bodies import PRESSERS, Presser

@@ -72,7 +72,7 @@ def accurate_faces(cloud: Cloud, limits: Limits, body: TriangleMesh) -> IntArray
     """
     surface = fine_surface(TriangleMesh(cloud.to_units(body.vertices), body.faces), cloud.spacing)
     dual = voronoi_dual(cloud, surface)
-    reached = near_along(dual.neighbours, _rings(cloud, limits), 2.0 * limits.max_edge)
+    reached = near_along(dual.neighbours, _rings(cloud, limits), 2.0 * limits.max_edge.max())
     near = _as_near_as_seen(cloud, reached)
     votes = delaunay_stars(
         cloud.points,
@@ -183,7 +183,7 @@ def _shortest(rows: IntArray, columns: IntArray, length: FloatArray, n: int) -> 
 
 
 def _rings(cloud: Cloud, limits: Limits) -> int:
-    return int(np.clip(np.ceil(limits.max_edge / (ROW_HEIGHT * cloud.spacing)), 1, MAX_RINGS))
+    return int(np.clip(np.ceil(limits.max_edge.min() / (ROW_HEIGHT * cloud.spacing)), 1, MAX_RINGS))
 
 
 def _as_near_as_seen(cloud: Cloud, reached: csr_array) -> csr_array:
@@ -195,11 +195,11 @@ def _as_near_as_seen(cloud: Cloud, reached: csr_array) -> csr_array:
     return coo_array((pairs.data[keep], (first[keep], second[keep])), shape=reached.shape).tocsr()
 
 
-def _within(cloud: Cloud, triangles: IntArray, near: csr_array, limit: float) -> IntArray:
-    """The triangles (t, 3) whose edges are all between near taxels and within a limit."""
+def _within(cloud: Cloud, triangles: IntArray, near: csr_array, limit: FloatArray) -> IntArray:
+    """The triangles (t, 3) whose edges are all between near taxels and within both their limits."""
     first, second = triangles.ravel(), triangles[:, [1, 2, 0]].ravel()
     length = np.linalg.norm(cloud.points[first] - cloud.points[second], axis=1)
-    fits = (length <= limit) & contains(near, first, second)
+    fits = (length <= np.minimum(limit[first], limit[second])) & contains(near, first, second)
     return triangles[fits.reshape(-1, 3).all(axis=1)]
 
 

@@ -40,7 +40,7 @@ def _stars(
     rows: IntArray,
     index: IntArray,
     distance: FloatArray,
-    limit: float,
+    limit: FloatArray,
 ) -> IntArray:
     """Votes (t, 3) of points rows (r,) with tangent axes (r, 3) and neighbours (r, k)."""
     k = index.shape[1]
@@ -53,7 +53,7 @@ def _stars(
         near = 0
         for i in range(k):
             far = distance[row, i]
-            if far > limit or far == 0.0:
+            if far == np.inf or far == 0.0:
                 continue
             u, v = 0.0, 0.0
             for axis in range(3):
@@ -89,7 +89,7 @@ def _stars(
             chord = 0.0
             for axis in range(3):
                 chord += (points[who[i], axis] - points[who[step], axis]) ** 2
-            if chord <= limit * limit:
+            if chord <= min(limit[who[i]], limit[who[step]]) ** 2:
                 votes[count, 0] = rows[row]
                 votes[count, 1] = who[i]
                 votes[count, 2] = who[step]

@@ -6,30 +6,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinmap.arrays import IntArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.surface.delaunay_stars import NEIGHBOURS, delaunay_stars
 from skinmap.surface.holes import fill_holes
 from skinmap.surface.surface_merge import consensus
 from skinmap.surface.taxel_cloud import Cloud
 
-EDGE_LIMIT = 2.5  # in spacings: spans the gap between two modules, not the gap between patches
+EDGE_LIMIT = 2.5  # in local spacings: spans the gap between two modules, not between patches
 SLIVER = 0.02  # in spacings: flatter triangles are three taxels in a row
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, eq=False, slots=True)
 class Limits:
     """What a triangle and a hole may be, in the units of a cloud.
 
     Attributes
     ----------
-    max_edge, least_altitude : float
+    max_edge : (k,) float
+        Of a triangle at each point: an edge is no longer than either end allows.
+    least_altitude : float
         Of a triangle.
     largest_hole : int
         Vertices of the longest inner loop that is closed.
     """
 
-    max_edge: float
+    max_edge: FloatArray
     least_altitude: float
     largest_hole: int
 
@@ -42,7 +44,9 @@ class Limits:
             if value is not None and not (np.isfinite(value) and value >= 0):
                 raise InvalidArrayError(f"{name} must be a length of 0 m or more, got {value}")
         return cls(
-            EDGE_LIMIT * cloud.spacing if max_edge is None else max_edge / cloud.unit,
+            EDGE_LIMIT * cloud.spacings
+            if max_edge is None
+            else np.full(len(cloud.points), max_edge / cloud.unit),
             SLIVER * cloud.spacing if least_altitude is None else least_altitude / cloud.unit,
             largest_hole,
         )

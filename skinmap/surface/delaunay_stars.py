@@ -26,7 +26,7 @@ def delaunay_stars(
     points: FloatArray,
     normals: FloatArray,
     spacing: float,
-    limit: float,
+    limit: float | FloatArray,
     *,
     neighbours: int = NEIGHBOURS,
     allowed: csr_array | None = None,
@@ -45,8 +45,10 @@ def delaunay_stars(
         [m].
     normals : (n, 3) array of float
         Unit, consistent.
-    spacing, limit : float
-        Typical distance of neighbours, and the longest edge allowed [m].
+    spacing : float
+        Typical distance of neighbours [m].
+    limit : float or (n,) array of float
+        Longest edge allowed [m]; of those at its two ends the shorter one.
     neighbours : int
         Nearest others that a star is made of.
     allowed : (n, n) sparse array, optional
@@ -63,13 +65,15 @@ def delaunay_stars(
     jitter = np.random.default_rng(0).normal(scale=JITTER * spacing, size=points.shape)
     shaken = points + jitter
     tree = cKDTree(shaken)
+    limit = np.broadcast_to(np.asarray(limit, np.float64), len(points)).copy()
     kernel = star_kernel(len(points), compiled)
     found = [np.zeros((0, 3), np.int64)]
 
     def near(rows: IntArray, count: int) -> tuple[FloatArray, IntArray, FloatArray]:
         distance, index = nearest_of(tree, rows, count)
         reach = distance[:, -1] if index.shape[1] < len(points) - 1 else np.full(len(rows), np.inf)
-        out = faces_away(normals, rows, index) | (distance > limit) | (distance == 0)
+        out = faces_away(normals, rows, index) | (distance == 0)
+        out |= distance > np.minimum(limit[rows, None], limit[index])
         if allowed is not None:
             own = np.repeat(np.arange(len(rows)), index.shape[1])
             out |= ~contains(allowed[rows], own, index.ravel()).reshape(index.shape)
@@ -108,7 +112,7 @@ def _settled_stars(
     distance: FloatArray,
     index: IntArray,
     reach: FloatArray,
-    limit: float,
+    limit: FloatArray,
 ) -> tuple[IntArray, BoolArray]:
     """Triangles (t, 3) of the stars that no taxel further away than reach (r,) can change.
 
@@ -142,8 +146,14 @@ def _settled_stars(
     settled[row[far]] = False
     who = index.ravel()[place]
     triangles = np.column_stack([rows[row], who, who[after]])[settled[row]]
-    chord = np.linalg.norm(points[triangles[:, 1]] - points[triangles[:, 2]], axis=1)
-    return triangles[chord <= limit], settled
+    return triangles[_short_chords(points, triangles, limit)], settled
+
+
+def _short_chords(points: FloatArray, triangles: IntArray, limit: FloatArray) -> BoolArray:
+    """(t,) whether the edge beyond the first corner of triangles (t, 3) is within both limits."""
+    one, other = triangles[:, 1], triangles[:, 2]
+    chord = np.linalg.norm(points[one] - points[other], axis=1)
+    return np.asarray(chord <= np.minimum(limit[one], limit[other]))
 
 
 def _next_of(row: IntArray) -> IntArray:
@@ -184,7 +194,7 @@ def _stars(
     normals: FloatArray,
     index: IntArray,
     distance: FloatArray,
-    limit: float,
+    limit: FloatArray,
     rows: IntArray,
 ) -> IntArray:
     x, y = _inverted(points, normals, rows, distance, index)
@@ -194,8 +204,7 @@ def _stars(
     row, start = np.nonzero((step >= 0) & near)
     end = step[row, start]
     triangles = np.column_stack([rows[row], index[row, start], index[row, end]])
-    chord = np.linalg.norm(points[triangles[:, 1]] - points[triangles[:, 2]], axis=1)
-    return np.asarray(triangles[near[row, end] & (chord <= limit)])
+    return np.asarray(triangles[near[row, end] & _short_chords(points, triangles, limit)])
 
 
 def _hull_steps(x: FloatArray, y: FloatArray, tiny: FloatArray) -> IntArray:

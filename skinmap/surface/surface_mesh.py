@@ -85,6 +85,11 @@ class SurfaceMesh(Drawable):
         patch[self.faces.ravel()] = np.repeat(self.face_patches, 3)
         return patch[self.representative]
 
+    def left_out(self) -> str:
+        """The taxels that no face uses, in words; empty where there is none."""
+        out = self.skin.channels[self.taxel_patches < 0].tolist()
+        return f"{len(out)} taxels are in no triangle: channels {first_few(out, 20)}" * bool(out)
+
     @property
     def taxel_areas(self) -> FloatArray:
         """(n,) skin area that each taxel stands for [m2]: a third of its triangles.
@@ -137,7 +142,8 @@ def build_surface(
         One of `MESHING`: "consensus" as above; "fast" with stars of fewer neighbours; "accurate"
         along the surface of a body, so that taxels on two sides of it are never joined.
     max_edge : float, optional
-        Longest edge allowed [m]; 2.5 times the median spacing by default.
+        Longest edge allowed [m]; by default 2.5 times the spacing: the median one, and about a
+        coarser area its own.
     merge : float, optional
         Taxels up to this distance from each other [m] share a vertex; 1 % of the spacing.
     least_altitude : float, optional
@@ -199,7 +205,7 @@ def build_surface(
     if len(found) == 0:
         raise InvalidMeshError(
             f"no three of {len(cloud.vertices)} taxels lie within "
-            f"{limits.max_edge * cloud.unit:.3g} m of each other without being in a row: "
+            f"{limits.max_edge.max() * cloud.unit:.3g} m of each other without being in a row: "
             "no surface there"
         )
     return SurfaceMesh(skin, cloud.vertices[found], cloud.representative, by_size(found))

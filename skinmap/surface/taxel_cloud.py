@@ -15,6 +15,10 @@ from skinmap.errors import InvalidMeshError
 MERGE = 1e-2  # in spacings: closer taxels are one vertex
 AWAY = -0.5  # cosine between the normals of two taxels: 120 degrees
 COPIES = 8  # taxels that may share a place and yet let the spacing be seen
+COARSE = 1.25  # in spacings: taxels further apart have a spacing of their own
+ALIKE = 3  # coarse taxels about one that are as far apart: fewer are strays beside a patch
+ABOUT = 2.5  # in spacings of their own: so near they are
+BESIDE = 1.5  # in coarse spacings: taxels so near a coarse area belong to it, too
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -36,6 +40,8 @@ class Cloud:
         Length of one unit of `points` [m].
     spacing : float
         Median distance to the nearest other point, in units.
+    spacings : (k,) float
+        The same about each point: more in an area coarser than the median.
     """
 
     points: FloatArray
@@ -45,6 +51,7 @@ class Cloud:
     centre: FloatArray
     unit: float
     spacing: float
+    spacings: FloatArray
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -65,13 +72,37 @@ def make_cloud(positions: FloatArray, normals: FloatArray, merge: float | None =
     scaled, centre, unit = to_unit(check_points(positions, "positions"))
     tolerance = None if merge is None else merge / unit
     normals = check_finite(normals, "normals", (len(positions), 3))
-    representative, vertices, spacing = _distinct(scaled, normals, tolerance)
+    representative, vertices, near = _distinct(scaled, normals, tolerance)
     if len(vertices) < 3:
         raise InvalidMeshError(f"{len(vertices)} distinct taxels make no surface: at least 3")
-    vertices = vertices[np.lexsort(scaled[vertices].T[::-1])]
-    return Cloud(
-        scaled[vertices], normals[vertices], vertices, representative, centre, unit, spacing
-    )
+    order = np.lexsort(scaled[vertices].T[::-1])
+    vertices, near, spacing = vertices[order], near[order], float(np.median(near))
+    points, normals = scaled[vertices], normals[vertices]
+    spacings = local_spacings(points, normals, near, spacing)
+    return Cloud(points, normals, vertices, representative, centre, unit, spacing, spacings)
+
+
+def local_spacings(
+    points: FloatArray, normals: FloatArray, near: FloatArray, spacing: float
+) -> FloatArray:
+    """(n,) the spacing about each of some points (n, 3): the median one, more in a coarser area.
+
+    Taxels whose nearest other (n,) is further away make such an area where several of them are
+    about as far apart; those that stand beside it belong to it, too. A stray taxel is none.
+    """
+    found = np.full(len(points), spacing)
+    coarse = np.flatnonzero((near > COARSE * spacing) & (near < np.inf))
+    if len(coarse) <= ALIKE:
+        return found
+    tree, count = cKDTree(points[coarse]), np.arange(1, min(COPIES, len(coarse) - 1) + 2)
+    distance, index = tree.query(points[coarse], k=count[1:])
+    alike = (distance <= ABOUT * near[coarse, None]) & ~faces_away(normals, coarse, coarse[index])
+    others = np.sort(np.where(alike, near[coarse[index]], spacing), axis=1)
+    own = np.maximum(np.minimum(near[coarse], others[:, -ALIKE]), spacing)
+    distance, index = tree.query(points, k=count)
+    beside = distance <= BESIDE * own[index]
+    beside &= ~faces_away(normals, np.arange(len(points)), coarse[index])
+    return np.maximum(found, np.where(beside, own[index], spacing).max(axis=1))
 
 
 def to_unit(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
@@ -96,8 +127,8 @@ def merge_coincident(positions: FloatArray) -> tuple[IntArray, IntArray]:
 
 def _distinct(
     points: FloatArray, normals: FloatArray, tolerance: float | None
-) -> tuple[IntArray, IntArray, float]:
-    """Representative (n,), distinct points (k,) and their spacing.
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """Representative (n,), distinct points (k,) and how far the nearest other is from each (k,).
 
     Where taxels stand in near-coincident groups the nearest other says nothing of the spacing:
     what is nearer than a hundredth of the distance to the eighth is merged first. Taxels that
@@ -114,7 +145,7 @@ def _distinct(
         limit = (MERGE * (wide if crowded else spacing)) if tolerance is None else tolerance
         row, column = np.nonzero(distance <= limit)
         if len(row) == 0:
-            return representative, vertices, spacing
+            return representative, vertices, near
         pairs = coo_array(
             (np.ones(len(row)), (row, index[row, column])), shape=(len(vertices),) * 2
         )
@@ -125,7 +156,7 @@ def _distinct(
         stand_in[vertices] = lowest[label]
         representative = stand_in[representative]
         vertices = np.unique(representative)
-    return representative, vertices, 0.0
+    return representative, vertices, np.zeros(len(vertices))
 
 
 def _nearest_on_its_side(points: FloatArray, normals: FloatArray) -> tuple[FloatArray, IntArray]:

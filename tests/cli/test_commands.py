@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from skinmap.cli.main import cli
-from skinmap.errors import SkinError
+from skinmap.errors import SkinError, SkinWarning
 from skinmap.report.result import plain
 
 
@@ -60,6 +60,26 @@ def test_inspect_names_the_channels_of_taxels_at_one_place(tmp_path):
     (part,) = run("inspect", str(tmp_path / "module.csv"))["parts"]
     assert part["warnings"] == ["all taxels of module 1 are at one place"]
     assert part["verdict"] == "name the module layout"
+
+
+def test_inspect_and_flatten_name_taxels_without_a_surface(tmp_path):
+    grid = [(5 * i, 5 * j) for i in range(6) for j in range(5)] + [(90, 0), (90, 60)]
+    rows = ["channel,module,x,y,z,nx,ny,nz"]
+    rows += [f"{k},0,{x},{y},0,0,0,1" for k, (x, y) in enumerate(grid)]
+    (tmp_path / "skin.csv").write_text("\n".join(rows) + "\n")
+    (tmp_path / "body.stl").write_text(
+        "solid b\nfacet normal 0 0 1\nouter loop\nvertex -1 -1 0\nvertex 1 -1 0\n"
+        "vertex 0 1 0\nendloop\nendfacet\nendsolid b\n"
+    )
+    (tmp_path / "r.toml").write_text(
+        '[robot]\nname = "r"\nmesh = "body.stl"\nunits = "m"\n[[part]]\nname = "skin"\n'
+        'link = "body"\ntaxels = "skin.csv"\nunits = "mm"\n'
+    )
+    (part,) = run("inspect", str(tmp_path / "r.toml"))["parts"]
+    assert part["warnings"] == ["2 taxels are in no triangle: channels 30, 31"]
+    assert part["verdict"] == "check the taxels without a surface"
+    with pytest.warns(SkinWarning, match="'skin': 2 taxels are in no triangle: channels 30, 31"):
+        run("flatten", str(tmp_path / "r.toml"))
 
 
 def test_inspect_reads_a_bare_table(tmp_path):

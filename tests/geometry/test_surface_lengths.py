@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.log_map import BLOCK, KEPT_POINTS, LogMaps, log_map
+from skinmap.geometry.log_maps import BLOCK, KEPT_POINTS, LogMaps, log_map
 from skinmap.geometry.proximity import (
     MAX_COINCIDENT,
     bridged_graph,

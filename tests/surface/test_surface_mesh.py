@@ -72,6 +72,32 @@ def test_build_surface_faces_turn_with_the_normals(sphere):
     assert (np.einsum("ij,ij->i", face_normals(vertices, mesh.faces), middle) > 0).all()
 
 
+def dense_beside_coarse(gap: float) -> np.ndarray:
+    """Taxels 2.5 mm apart, and after a gap [m] others 10 mm apart."""
+    grid = np.stack(np.meshgrid(np.arange(21), np.arange(17)), -1).reshape(-1, 2) * 2.5e-3
+    wide = np.stack(np.meshgrid(np.arange(6), np.arange(5)), -1).reshape(-1, 2) * 1e-2
+    return np.concatenate([grid, wide + [50e-3 + gap, 0.0]])
+
+
+@pytest.mark.parametrize("method", ["consensus", "fast"])
+def test_a_coarser_area_belongs_to_the_sheet_and_a_gap_stays_one(method):
+    joined = build_surface(board(dense_beside_coarse(8e-3)), method=method)
+    assert joined.n_patches == 1
+    assert joined.left_out() == ""
+    assert joined.taxel_areas.sum() == pytest.approx(0.108 * 0.04)
+    apart = build_surface(board(dense_beside_coarse(20e-3)), method=method)
+    np.testing.assert_array_equal(apart.taxel_patches, np.repeat([0, 1], [21 * 17, 30]))
+
+
+def test_stray_taxels_make_no_coarse_area_and_are_named(hexagons):
+    alone = build_surface(board(hexagons))
+    strays = hexagons.max(axis=0) + 6 * alone.skin.spacing * np.array([[1, 1], [1, 3], [3, 1]])
+    with_strays = build_surface(board(np.concatenate([hexagons, strays])))
+    np.testing.assert_array_equal(with_strays.faces, alone.faces)
+    n = len(hexagons)
+    assert f"3 taxels are in no triangle: channels {n}, {n + 1}, {n + 2}" in with_strays.left_out()
+
+
 def test_build_surface_keeps_patches_apart_and_numbers_them_by_size(hexagons):
     small = hexagons[:40] + [0.0, -0.2]
     mesh = build_surface(board(np.concatenate([small, hexagons])))

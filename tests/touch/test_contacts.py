@@ -178,6 +178,19 @@ def test_a_contact_goes_on_across_a_gap_between_patches(hexagons):
     assert found["largest_share"] == 1.0
 
 
+def test_a_touch_on_the_coarser_area_is_one_contact_of_its_size():
+    """Taxels 2.5 mm apart beside others 10 mm apart: areas and paths are those of the plane."""
+    dense = np.stack(np.meshgrid(np.arange(21), np.arange(17)), -1).reshape(-1, 2) * 2.5e-3
+    coarse = np.stack(np.meshgrid(np.arange(6), np.arange(5)), -1).reshape(-1, 2) * 1e-2
+    geometry = flat(np.concatenate([dense, coarse + [58e-3, 0.0]]))
+    pressed = np.linalg.norm(geometry.mesh.vertices[:, :2] - [88e-3, 20e-3], axis=1) < 15e-3
+    (found,) = find_contacts(geometry, np.where(pressed, 200.0, 0.0))
+    assert (len(found.taxels), found.area) == (9, pytest.approx(9e-4, rel=0.02))
+    np.testing.assert_allclose(geometry.areas[[-3, -1]], 1e-4, rtol=1e-9)
+    way = geometry.distances(np.array([len(dense)]), np.array([len(geometry) - 1]))[0, 0]
+    assert np.hypot(50e-3, 40e-3) <= way < 1.04 * np.hypot(50e-3, 40e-3)
+
+
 def test_contact_geometry_is_finite_where_everything_is_pressed(prepared):
     for part in ("left_arm", "torso"):
         geometry = prepared(part).geometry

@@ -11,6 +11,7 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
 from skinmap.cli.inspect.inspect_result import DrawingMatch, PartRow, Spread
+from skinmap.errors import InvalidMeshError
 from skinmap.io.flat_maps.drawing import read_drawing
 from skinmap.io.taxels.cyskin import read_cyskin
 from skinmap.io.taxels.cyskin_faults import file_faults, set_faults
@@ -24,6 +25,7 @@ from skinmap.skin.robot import Robot
 from skinmap.skin.skin import skin_from_table
 from skinmap.skin.taxels import NO_ID, TaxelTable
 from skinmap.summary import first_few
+from skinmap.surface.surface_mesh import build_surface
 
 MM = 1e3
 CYSKIN = ".json"
@@ -31,7 +33,7 @@ FAULTY = "usable; its file has faults"
 COINCIDENT = 1e-4  # two shells whose taxels are nearer than this are at one place [m]
 UNLIKE = 2e-3  # mirror images further apart than this are not of one design [m]
 OFF_SIDE = 0.15  # module sides may differ from the layout's by this share: boards are cut and bent
-NO_MESH = "has no mesh"
+NO_MESH, NO_SURFACE = "has no mesh", "no surface"
 PLACEHOLDER = np.radians(20.0)  # stored normals further off than this are no normals
 
 
@@ -53,6 +55,7 @@ def inspect_part(robot: Robot, name: str) -> PartRow:
         warnings = _fit_warnings(found, standing, spec.cover * MM)
     if len(skin) < 3:
         warnings.append("too few taxels for a surface: each stands for a disc")
+    warnings += _without_surface(skin)
     warnings += _same_place(robot, name)
     if spec.layout is not None:
         check = check_modules(report.table, skin, spec.layout, robot.module_frames(name))
@@ -259,6 +262,14 @@ def _coincide(one: FloatArray, other: FloatArray) -> bool:
     return bool(np.median(gap) < COINCIDENT)
 
 
+def _without_surface(skin: Skin) -> list[str]:
+    """Taxels that are too far from the others to be joined to a surface."""
+    try:
+        return [words] if (words := build_surface(skin).left_out()) else []
+    except InvalidMeshError as error:
+        return [f"{NO_SURFACE}: {error}"]
+
+
 def _module_warnings(check: ModuleCheck, side: float | None) -> list[str]:
     warnings = []
     if check.missing:
@@ -285,6 +296,7 @@ def _twin(name: str) -> str:
 
 # What to do next where a warning says one of these; the last one that holds.
 VERDICTS = {
+    "check the taxels without a surface": ("in no triangle", NO_SURFACE),
     "check the module numbers against the hardware": ("swapped", "URDF has others"),
     "name the drawing that belongs to the table": ("another skin's",),
     "check the places of these channels": ("channels at one place",),

@@ -15,12 +15,13 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError, SkinMismatchError
-from skinmap.geometry.proximity import bridged_graph, path_distances
+from skinmap.geometry.proximity import bridged_graph, nearest, path_distances
 from skinmap.geometry.topology import edges, half_edges
 from skinmap.geometry.triangles import unit
 from skinmap.skin.normals import along_line
 from skinmap.summary import Drawable, Summary, listed
 from skinmap.surface.surface_mesh import SurfaceMesh
+from skinmap.surface.taxel_cloud import local_spacings
 
 if TYPE_CHECKING:
     from skinmap.live.contacts.contact_forces import ContactForce
@@ -109,9 +110,11 @@ def measure_skin(mesh: SurfaceMesh) -> SkinGeometry:
     >>> bool((geometry.areas >= 0).all())
     True
     """
-    points = mesh.vertices
+    points, spacing = mesh.vertices, mesh.skin.spacing
+    near = nearest(points, 1)[0][:, 0] if len(points) > 1 else np.full(len(points), spacing)
+    pitch = local_spacings(points, mesh.skin.normals, near, spacing)
     # Two rings of neighbours: paths over one ring alone are up to 15 % too long on hexagons.
-    graph = bridged_graph(points, 18, 2.5 * mesh.skin.spacing)
+    graph = bridged_graph(points, 18, 2.5 * pitch)
     merged = np.flatnonzero(mesh.representative != np.arange(len(points)))
     same = np.column_stack([merged, mesh.representative[merged]])
     border = border_taxels(mesh)
@@ -123,7 +126,7 @@ def measure_skin(mesh: SurfaceMesh) -> SkinGeometry:
     bridged = np.concatenate([links, _facing(mesh, border)])
     if mesh.skin.ring:
         links = bridged
-    areas = _full_cells(mesh, border)
+    areas = _full_cells(mesh, border, np.clip(near, spacing, pitch))
     return SkinGeometry(mesh, _both_ways(links), _both_ways(bridged), areas, border, graph)
 
 
@@ -152,14 +155,15 @@ def border_taxels(mesh: SurfaceMesh) -> BoolArray:
     return np.asarray((border | unused)[mesh.representative])
 
 
-def _full_cells(mesh: SurfaceMesh, border: BoolArray) -> FloatArray:
+def _full_cells(mesh: SurfaceMesh, border: BoolArray, pitch: FloatArray) -> FloatArray:
     """Areas (n,) [m2] where a taxel at the edge stands for as much skin as the typical one inside.
 
-    Its triangles cover half of that or less, and a touch there would seem smaller than it is.
+    Its triangles cover half of that or less, and a touch there would seem smaller than it is. In
+    coarser areas, by their pitch (n,) [m], the typical one is larger.
     """
-    areas = mesh.taxel_areas
-    inside = areas[~border] if (~border).any() else areas
-    return np.where(border, np.maximum(areas, np.median(inside)), areas)
+    areas, scale = mesh.taxel_areas, (pitch / pitch.min()) ** 2
+    inside = (areas / scale)[~border] if (~border).any() else areas / scale
+    return np.where(border, np.maximum(areas, np.median(inside) * scale), areas)
 
 
 def _facing(mesh: SurfaceMesh, border: BoolArray) -> IntArray:

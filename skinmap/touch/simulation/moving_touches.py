@@ -14,7 +14,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from skinmap.arrays import FloatArray
-from skinmap.geometry.log_map import log_map
+from skinmap.geometry.log_maps import log_map
 from skinmap.geometry.point_surface import STEP, PointSurface, Way
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit

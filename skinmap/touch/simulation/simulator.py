@@ -22,7 +22,7 @@ from scipy.sparse import csr_array
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.geometry.log_map import LogMaps
+from skinmap.geometry.log_maps import LogMaps
 from skinmap.geometry.point_surface import PointSurface
 from skinmap.geometry.proximity import bridged_graph
 from skinmap.geometry.rigid import plane_turns

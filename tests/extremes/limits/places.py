@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.log_map import log_map
+from skinmap.geometry.log_maps import log_map
 from skinmap.geometry.proximity import closest_on_mesh, edge_graph, median_spacing
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import jacobians, singular_values
