@@ -77,3 +77,19 @@ def test_a_shape_lies_where_its_origin_says(tmp_path):
     origin = peer(tmp_path / "r.urdf").link_map["b"].visuals[0].origin
     own = (mesh.vertices - origin[:3, 3]) @ origin[:3, :3]
     np.testing.assert_allclose(np.ptp(own, axis=0), [1, 2, 3], atol=1e-12)
+
+
+@pytest.mark.parametrize(("scale", "size"), [("-1 1 1", 24), ("-0.5", 3), ("-1 -1 2", 48)])
+def test_a_mesh_with_a_mirrored_scale_keeps_its_outside_out(scale, size, tmp_path):
+    import trimesh
+
+    from skinmap.io.robots.urdf import UrdfBody
+
+    trimesh.creation.box(extents=[2, 3, 4]).export(tmp_path / "b.stl")
+    shape = f'<geometry><mesh filename="b.stl" scale="{scale}"/></geometry>'
+    (tmp_path / "r.urdf").write_text(
+        f'<robot name="r"><link name="a"><visual>{shape}</visual></link></robot>'
+    )
+    mesh = UrdfBody(tmp_path / "r.urdf").mesh("a")
+    # The volume is negative where the normals point inward.
+    assert trimesh.Trimesh(mesh.vertices, mesh.faces).volume == pytest.approx(size)

@@ -153,6 +153,8 @@ class UrdfBody:
             if shape.kind == "mesh":
                 points, triangles = read_mesh(self._resolve(shape.file))
                 points = points * shape.numbers
+                if np.broadcast_to(shape.numbers, 3).prod() < 0:  # a mirror image: inside out
+                    triangles = triangles[:, ::-1]
             else:
                 points, triangles = shape_mesh(shape)
             points = transform_points(check_transform(shape.T_link_shape, "visual origin"), points)
