@@ -23,7 +23,7 @@ from skinmap.errors import (
 from skinmap.geometry.rigid import check_transform, rpy_matrix, transform_points
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.interrupts import import_whole
-from skinmap.io.robots.mesh_file import read_mesh
+from skinmap.io.robots.mesh_file import file_metres, read_mesh
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
 from skinmap.io.text import is_file, parse_floats
 from skinmap.skin.joints import Joint, Kind, joint_transform
@@ -151,8 +151,9 @@ class UrdfBody:
         vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
         for shape in self._links[link].shapes:
             if shape.kind == "mesh":
-                points, triangles = read_mesh(self._resolve(shape.file))
-                points = points * shape.numbers
+                path = self._resolve(shape.file)
+                points, triangles = read_mesh(path)
+                points = points * shape.numbers * self._metres(path)
                 if np.broadcast_to(shape.numbers, 3).prod() < 0:  # a mirror image: inside out
                     triangles = triangles[:, ::-1]
             else:
@@ -162,6 +163,10 @@ class UrdfBody:
             faces.append(triangles + count)
             count += len(points)
         return TriangleMesh(np.concatenate(vertices), np.concatenate(faces))
+
+    def _metres(self, mesh: Path) -> float:
+        """Metres in a unit of a mesh, before its scale in the URDF."""
+        return file_metres(mesh) or 1.0
 
     def _resolve(self, name: str) -> Path:
         path = self.locate(name)
@@ -215,6 +220,9 @@ class MeshBody(UrdfBody):
         self.path, self.scale, self.inside = path, scale, None
         self._links = {BODY: Link((Shape("mesh", np.eye(4), np.array([scale]), path.name),))}
         self._tree, self._moved = {}, []
+
+    def _metres(self, mesh: Path) -> float:
+        return 1.0  # `scale` says it
 
 
 def shape_mesh(shape: Shape) -> tuple[FloatArray, IntArray]:
