@@ -164,7 +164,7 @@ def _row(
     faults: Sequence[str] = (),
     **more: Any,
 ) -> PartRow:
-    from skinmap.geometry.proximity import nearest
+    from skinmap.surface.taxel_cloud import gaps_on_one_side
 
     table, before = report.table, report.original
     kept = np.isin(before.channels, table.channels)
@@ -173,9 +173,6 @@ def _row(
     cosine = np.einsum("ij,ij->i", stored, normals) / np.where(length > 0, length, 1.0)
     replaced = int((np.arccos(np.clip(cosine, -1.0, 1.0)) > PLACEHOLDER).sum())
     distinct = len(np.unique(table.positions, axis=0))
-    gap = np.zeros((1, 1))  # of one place alone
-    if distinct > 1:
-        gap, _ = nearest(np.unique(table.positions, axis=0), 1)
     notes = [*faults, *warnings]
     if len(report.rebuilt):
         notes.append(f"{len(report.rebuilt)} taxels shared a place and were rebuilt")
@@ -209,7 +206,7 @@ def _row(
         unwired=len(table.unwired),
         thermal=pads,
         unit=report.unit,
-        pitch_mm=spread(gap[:, 0] * MM),
+        pitch_mm=spread(gaps_on_one_side(table.positions, normals) * MM),
         verdict=FAULTY if faults else _verdict(notes),
         warnings=notes,
         **more,
