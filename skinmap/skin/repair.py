@@ -192,14 +192,24 @@ def thermal_pads(table: TaxelTable, layout: ModuleLayout | None) -> np.ndarray:
     """(n,) whether a placed row is a thermal pad: by the file's word, or by slot where it errs.
 
     Files mark pads with -2, or with -1 like absent channels; a row that the file calls tactile
-    stays whatever its slot, and so does one of which it says nothing.
+    stays whatever its slot. Where the file says nothing the slots decide, if it lists the pads.
     """
     stated = table.representative
     pads = stated == THERMAL
     if layout is not None:
-        silent = (stated < 0) & (stated != UNKNOWN)
+        silent = (stated < 0) & ((stated != UNKNOWN) | _lists_pads(table, layout))
         pads = pads | (silent & layout.thermal[slots_of(table, layout)])
     return np.asarray(pads)
+
+
+def _lists_pads(table: TaxelTable, layout: ModuleLayout) -> bool:
+    """Whether the channels of each module are its slots, and some have more than feel touch.
+
+    Channels that leave the thermal pads out tell of no slots.
+    """
+    blocks = np.unique(np.column_stack([table.modules, table.channels // len(layout)]), axis=0)
+    modules, count = np.unique(table.modules, return_counts=True)
+    return len(blocks) == len(modules) and bool((count > len(layout.tactile)).any())
 
 
 def rebuild_collapsed(

@@ -439,3 +439,22 @@ def test_the_pitch_of_a_thin_board_is_not_its_thickness(tmp_path):
     assert (part["units"], part["pitch_mm"]) == ("mm", pytest.approx(6))
     (row,) = inspected(tmp_path / "r.toml")["parts"]
     assert row["pitch_mm"]["median"] == pytest.approx(6)
+
+
+@pytest.mark.parametrize(("sign", "verdict"), [(1, "ok"), (-1, "check the module layout")])
+def test_a_mirrored_module_layout_is_the_verdict(tmp_path, sign, verdict):
+    urdf(tmp_path / "bot.urdf", arm=0.05)
+    places = 6.0 * np.array([[x, y] for x in range(4) for y in range(4)])
+    slots = [f"{k},{sign * x},{y},0" for k, (x, y) in enumerate(places)]
+    (tmp_path / "lay.csv").write_text("\n".join(["slot,x_mm,y_mm,thermal", *slots]))
+    rows = []
+    for module, angle in enumerate(np.arange(0, 6, 0.5)):  # x runs to the right, seen from outside
+        turn = angle + places[:, 0] / 50
+        round_ = np.column_stack([50 * np.cos(turn), 50 * np.sin(turn), 100 + places[:, 1]])
+        rows += [f"{16 * module + k},{module},{x},{y},{z}" for k, (x, y, z) in enumerate(round_)]
+    (tmp_path / "skin.csv").write_text("\n".join(["channel,module,x,y,z", *rows]))
+    (tmp_path / "r.toml").write_text(
+        '[robot]\nname = "r"\nurdf = "bot.urdf"\n[[part]]\nname = "arm"\nlink = "arm"\n'
+        'taxels = "skin.csv"\nunits = "mm"\nmodule = "lay.csv"\n'
+    )
+    assert inspected(tmp_path / "r.toml")["parts"][0]["verdict"] == verdict

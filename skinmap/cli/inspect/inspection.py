@@ -303,6 +303,11 @@ def _module_warnings(check: ModuleCheck, side: float | None) -> list[str]:
         warnings.append(
             f"modules {first_few(check.mirrored)} are mirrored: their slots run backwards"
         )
+    if check.misfit:
+        size = f" ({check.scale:.2f} times its size)" if abs(check.scale - 1.0) > 0.01 else ""
+        warnings.append(f"modules {first_few(check.misfit)} do not fit the layout{size}")
+    if 2 * max(len(check.misfit), len(check.mirrored)) > check.modules:
+        warnings.append("most modules are not of this layout: compare slots, side and sense")
     if side is not None and abs(check.side / side - 1.0) > OFF_SIDE:
         warnings.append(f"module side {check.side * MM:.1f} mm, the layout has {side * MM:.1f} mm")
     return warnings
@@ -317,6 +322,7 @@ def _twin(name: str) -> str:
 # What to do next where a warning says one of these; the last one that holds.
 VERDICTS = {
     "check the module numbers against the hardware": ("swapped", "URDF has others"),
+    "check the module layout": ("most modules",),
     "name the drawing that belongs to the table": ("another skin's",),
     "check the places of these channels": ("channels at one place",),
     "name the cover, or check the frame": ("a cover",),
