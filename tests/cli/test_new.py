@@ -105,7 +105,7 @@ def test_the_unit_is_the_one_in_which_the_skin_lies_on_its_link(tmp_path, unit, 
     assert (part["units"], part["link"]) == (unit, "thick")
     assert part["distance_mm"] == pytest.approx(1.0, abs=0.2)
     (row,) = inspected(tmp_path / "bot.toml")["parts"]
-    assert (row["verdict"], row["unit"]) == ("ok", "m")
+    assert (row["verdict"], row["unit"]) == ("ok", "inch" if unit == "in" else unit)
     assert not recwarn.list
 
 

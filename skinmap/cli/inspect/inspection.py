@@ -187,7 +187,7 @@ def _row(
             "channels begin at 1, and the first value of a sample is channel 0: if they count from "
             "1 there too, every touch is a taxel off"
         )
-    if report.unit != "m":
+    if report.unit != report.stated:
         notes.append(f"positions were in {report.unit} and were converted")
     pads = len(report.thermal)
     if layout is not None and not pads:
