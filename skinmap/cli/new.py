@@ -157,7 +157,11 @@ def work(
     read = dict(zip(part_names(tables), map(read_taxels, tables), strict=True))
     scale = ""
     if model.suffix.lower() in MESH_SUFFIXES:
-        scale = mesh_units(model, read, units)
+        fits = mesh_units(model, read, units)
+        if len(fits) > 1 and not in_terminal():
+            alike = [one for found in zip(*fits.values(), strict=True) for one in found]
+            return NewQuestions(unclear={part: ["units"] for part in read}, candidates=alike)
+        scale = _ask_mesh(fits)
         body: UrdfBody = MeshBody(model, scale=UNITS[scale])
     else:
         body = UrdfBody(model)
@@ -235,6 +239,18 @@ def _settle(
         known[question] = click.prompt(
             f"{question} of {part}", type=click.Choice(names), default=names[0]
         )
+
+
+def _ask_mesh(fits: dict[str, list[Candidate]]) -> str:
+    """The unit of a mesh: asked for where several fit alike, as that of the first table."""
+    if len(fits) == 1:
+        return next(iter(fits))
+    firsts = {found[0].units: unit for unit, found in fits.items()}
+    found = [own[0] for own in fits.values()]
+    show([_heading(found[0].part, ["units"]), _table(found)])
+    names = list(firsts)
+    part = found[0].part
+    return firsts[click.prompt(f"units of {part}", type=click.Choice(names), default=names[0])]
 
 
 def in_terminal() -> bool:

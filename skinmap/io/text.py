@@ -86,13 +86,13 @@ class CsvRows:
     Parameters
     ----------
     text : str
-        Its first line tells whether `;` is between the columns; then `0,5` in a cell is 0.5.
+        Its first line tells whether `;` or tabs part the columns; then `0,5` in a cell is 0.5.
     """
 
     def __init__(self, text: str) -> None:
         head = text[: text.find("\n")] if "\n" in text else text
-        self._semicolons = ";" in head and "," not in head
-        delimiter = ";" if self._semicolons else ","
+        delimiter = next((one for one in (",", ";", "\t") if one in head), ",")
+        self._commas = delimiter != ","  # are decimal ones
         self._rows = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
 
     @property
@@ -105,7 +105,7 @@ class CsvRows:
 
     def __next__(self) -> list[str]:
         row = next(self._rows)
-        if not self._semicolons:
+        if not self._commas:
             return row
         return [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in row]
 

@@ -13,13 +13,15 @@ from skinmap.disk_cache import cached
 from skinmap.geometry.proximity import median_spacing, nearest
 from skinmap.geometry.rigid import rigid_fit, transform_points
 from skinmap.skin.layouts import ModuleLayout
-from skinmap.skin.modules import ModulePose, fit_modules
+from skinmap.skin.modules import ModulePose, fit_modules, shared_places, slots_of
+from skinmap.skin.repair import MISFIT
 from skinmap.skin.skin import Skin
 from skinmap.skin.taxels import TaxelTable
 
 TURNED = np.radians(45.0)  # from the usual angle of a part: boards turn by thirds of a circle
 MIRROR_STEPS = 15  # of the nearest-neighbour fit: steps below 0.01 mm by then
 TWIN = 0.25  # of the taxels' spacing: median distance of parts of one shape
+OFF_SCALE = 0.15  # boards are cut and bent, but not by so much of the layout's size
 NEAR = 0.5  # of a module's side: a frame this near to a module is that module's
 
 
@@ -35,6 +37,12 @@ class ModuleCheck:
         Modules that stand where the body has another one's frame.
     rotated, mirrored : tuple of int
         Modules turned in their plane against the others, or laid out as a mirror image.
+    misfit : tuple of int
+        Modules whose taxels do not lie at the slots of the layout, or are more than those.
+    modules : int
+        How many were compared.
+    scale : float
+        Size of the modules beside the layout's, median; NaN where unknown.
     pitch, side : float
         Median distance of neighbours inside modules, and side of the boards as the distance of
         neighbouring modules tells it [m]; NaN where unknown.
@@ -44,6 +52,9 @@ class ModuleCheck:
     swapped: Mapping[int, int]
     rotated: tuple[int, ...]
     mirrored: tuple[int, ...]
+    misfit: tuple[int, ...]
+    modules: int
+    scale: float
     pitch: float
     side: float
 
@@ -65,11 +76,22 @@ def check_modules(
     """
     poses = {m: pose for m, pose in fit_modules(table, layout).items() if pose.sure}
     swapped = _swapped(poses, frames, layout)
+    scales = {module: _scale(table, layout, module) for module in poses}
+    crowded = [m for m in poses if (table.modules == m).sum() > len(layout)]
     return ModuleCheck(
         tuple(sorted(set(frames) - set(table.modules.tolist()))),
         swapped,
         _rotated(poses, frames, swapped),
         _mirrored(skin, poses),
+        tuple(
+            module
+            for module, pose in poses.items()
+            if pose.residual > MISFIT * layout.pitch
+            or abs(scales[module] - 1.0) > OFF_SCALE
+            or module in crowded
+        ),
+        len(poses),
+        float(np.median(list(scales.values()) or [np.nan])),
         _pitch(table),
         _side(poses),
     )
@@ -195,6 +217,15 @@ def _mirrored(skin: Skin, poses: Mapping[int, ModulePose]) -> tuple[int, ...]:
         if pose.T_link_module[:3, 2] @ outward < 0:
             found.append(module)
     return tuple(found)
+
+
+def _scale(table: TaxelTable, layout: ModuleLayout, module: int) -> float:
+    """Size of a module's taxels about their middle beside that of their slots in the layout."""
+    slots = slots_of(table, layout)
+    rows = (table.modules == module) & ~layout.thermal[slots] & ~shared_places(table)
+    places, points = layout.xy[slots[rows]], table.positions[rows]
+    size = np.linalg.norm(places - places.mean(axis=0))
+    return float(np.linalg.norm(points - points.mean(axis=0)) / size) if size else 1.0
 
 
 def _pitch(table: TaxelTable) -> float:

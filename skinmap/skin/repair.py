@@ -52,13 +52,15 @@ class RepairReport:
     table : TaxelTable
         As it is now.
     unit : str
-        Unit that the positions were found to be in; "m" where it is the one that was stated.
+        Unit that the positions of the file were found to be in.
     thermal : (a,) int
         Channels of thermal pads, left out.
     rebuilt : (b,) int
         Channels that had no place of their own and have one now.
     unplaced : (c,) int
         Channels that still share a place with others.
+    stated : str
+        Unit that they were said to be in.
     """
 
     original: TaxelTable
@@ -67,6 +69,7 @@ class RepairReport:
     thermal: IntArray
     rebuilt: IntArray
     unplaced: IntArray
+    stated: str = "m"
 
     def __post_init__(self) -> None:
         freeze(self, thermal=self.thermal, rebuilt=self.rebuilt, unplaced=self.unplaced)
@@ -79,6 +82,7 @@ def repair_table(
     steps: Collection[str] = ALL_STEPS,
     known: Mapping[int, FloatArray] | None = None,
     unit: str | None = None,
+    stated: str = "m",
 ) -> RepairReport:
     """Mend what files are known to have wrong.
 
@@ -94,6 +98,8 @@ def repair_table(
     unit : str, optional
         Unit that the file turned out to be in, where the table is in metres by now: whoever carries
         it to another frame finds its unit first.
+    stated : str
+        Unit that the file is said to be in.
 
     Returns
     -------
@@ -130,7 +136,7 @@ def repair_table(
         table = rebuild_collapsed(table, layout, known)
         rebuilt = table.channels[before & ~shared_places(table)]
     unplaced = table.channels[shared_places(table)]
-    return RepairReport(original, table, unit, thermal, rebuilt, unplaced)
+    return RepairReport(original, table, unit, thermal, rebuilt, unplaced, stated)
 
 
 def check_steps(steps: Collection[str]) -> None:
@@ -192,14 +198,24 @@ def thermal_pads(table: TaxelTable, layout: ModuleLayout | None) -> np.ndarray:
     """(n,) whether a placed row is a thermal pad: by the file's word, or by slot where it errs.
 
     Files mark pads with -2, or with -1 like absent channels; a row that the file calls tactile
-    stays whatever its slot, and so does one of which it says nothing.
+    stays whatever its slot. Where the file says nothing the slots decide, if it lists the pads.
     """
     stated = table.representative
     pads = stated == THERMAL
     if layout is not None:
-        silent = (stated < 0) & (stated != UNKNOWN)
+        silent = (stated < 0) & ((stated != UNKNOWN) | _lists_pads(table, layout))
         pads = pads | (silent & layout.thermal[slots_of(table, layout)])
     return np.asarray(pads)
+
+
+def _lists_pads(table: TaxelTable, layout: ModuleLayout) -> bool:
+    """Whether the channels of each module are its slots, and some have more than feel touch.
+
+    Channels that leave the thermal pads out tell of no slots.
+    """
+    blocks = np.unique(np.column_stack([table.modules, table.channels // len(layout)]), axis=0)
+    modules, count = np.unique(table.modules, return_counts=True)
+    return len(blocks) == len(modules) and bool((count > len(layout.tactile)).any())
 
 
 def rebuild_collapsed(

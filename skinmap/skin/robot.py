@@ -189,7 +189,12 @@ class Robot(Summary):
             table, unit = self._in_metres(spec)
             table, self._frames[part] = self._in_link_frame(table, spec)
             self._repairs[part] = repair_table(
-                table, spec.layout, steps=self.steps, known=self.module_frames(part), unit=unit
+                table,
+                spec.layout,
+                steps=self.steps,
+                known=self.module_frames(part),
+                unit=unit,
+                stated=spec.unit or "m",
             )
         return self._repairs[part]
 
@@ -202,11 +207,11 @@ class Robot(Summary):
         """The table of a part and its unit, found in the file's numbers: poses are in metres."""
         table, stated = spec.read(), spec.unit or "m"
         if "units" not in self.steps:
-            return table, "m"
+            return table, stated
         shape = table.positions[table.pieces == 0] if len(table.pieces) else table.positions
         unit = detect_unit(shape / UNIT_METRES[stated], spec.layout, spec.unit)
         if unit == stated:
-            return table, "m"
+            return table, unit
         warn_of_unit(unit, f"part {spec.name!r}: ", spec.unit)
         return spec.read(UNIT_METRES[unit]), unit
 

@@ -159,6 +159,18 @@ def _distinct(
     return representative, vertices, np.zeros(len(vertices))
 
 
+def gaps_on_one_side(points: FloatArray, normals: FloatArray) -> FloatArray:
+    """(m,) distance of each distinct place (n, 3) to the nearest other that looks its way [m].
+
+    Without the places that have none among the nearest; all zero (1,) where there is one place.
+    """
+    distinct, first = np.unique(points, axis=0, return_index=True)
+    if len(distinct) < 2:
+        return np.zeros(1)
+    gap = _nearest_on_its_side(distinct, normals[first])[0][:, 0]
+    return gap[gap < np.inf]
+
+
 def _nearest_on_its_side(points: FloatArray, normals: FloatArray) -> tuple[FloatArray, IntArray]:
     """Distances (k, c) and indices (k, c) of the nearest, infinitely far those that face away.
 

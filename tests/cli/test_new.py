@@ -105,7 +105,7 @@ def test_the_unit_is_the_one_in_which_the_skin_lies_on_its_link(tmp_path, unit, 
     assert (part["units"], part["link"]) == (unit, "thick")
     assert part["distance_mm"] == pytest.approx(1.0, abs=0.2)
     (row,) = inspected(tmp_path / "bot.toml")["parts"]
-    assert (row["verdict"], row["unit"]) == ("ok", "m")
+    assert (row["verdict"], row["unit"]) == ("ok", "inch" if unit == "in" else unit)
     assert not recwarn.list
 
 
@@ -390,3 +390,71 @@ def test_one_mesh_is_a_robot_in_the_units_that_lay_its_skin_on_it(
     assert written["robot"] == {"name": "tube", "mesh": "tube.stl", "units": mesh_unit}
     skin = skinmap.load_robot("own/robot.toml").skin("sleeve")
     assert np.allclose(np.hypot(*skin.positions[:, :2].T), 0.051)
+
+
+def sleeve(folder: Path, unit: str, pitch: float) -> list[str]:
+    """Words for a round mesh and a skin on it, both in one unit."""
+    import trimesh
+
+    metres = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}[unit]
+    solid = trimesh.creation.cylinder(0.05, 0.2, sections=64)
+    solid.apply_scale(1 / metres)
+    solid.export(folder / "tube.stl")
+    angle, height = np.meshgrid(np.arange(0, np.pi, pitch / 0.05), np.arange(-0.08, 0.08, pitch))
+    places = [0.05 * np.cos(angle), 0.05 * np.sin(angle), height]
+    skin = table(folder / "skin.csv", np.stack(places, axis=-1).reshape(-1, 3) / metres)
+    return [str(folder / "tube.stl"), "--taxels", str(skin), "-o", str(folder / "r.toml")]
+
+
+@pytest.mark.parametrize(
+    ("unit", "pitch", "others"),
+    [("in", 6.3e-3, "cm|in"), ("cm", 20e-3, "cm|mm"), ("mm", 6e-3, ""), ("m", 6e-3, "")],
+)
+def test_a_mesh_and_a_table_that_fit_in_two_pairs_of_units_are_asked_for(
+    tmp_path, monkeypatch, unit, pitch, others
+):
+    words = sleeve(tmp_path, unit, pitch)
+    if others:
+        result = call(*words)
+        assert result.exit_code == 2
+        assert f"--units {others}" in result.stderr
+        assert not (tmp_path / "r.toml").exists()
+        monkeypatch.setattr("skinmap.cli.new.in_terminal", lambda: True)
+        assert call(*words, input=f"{unit}\n").exit_code == 0
+        words += ["--units", unit, "--force"]
+        assert f'units = "{unit}"' in (tmp_path / "r.toml").read_text()
+    assert made(*words)["parts"][0]["units"] == unit
+    mesh = skinmap.load_robot(tmp_path / "r.toml").body.mesh("body")
+    assert np.ptp(mesh.vertices, axis=0) == pytest.approx([0.1, 0.1, 0.2], rel=1e-3)
+
+
+def test_the_pitch_of_a_thin_board_is_not_its_thickness(tmp_path):
+    (tmp_path / "r.urdf").write_text(
+        '<robot name="r"><link name="a"><visual><geometry><box size="0.12 0.08 0.0008"/>'
+        "</geometry></visual></link></robot>"
+    )
+    x, y, z = np.meshgrid(np.arange(-45, 46, 6), np.arange(-30, 31, 6), [-0.4, 0.4])
+    skin = table(tmp_path / "skin.csv", np.column_stack([x.ravel(), y.ravel(), z.ravel()]))
+    (part,) = made(tmp_path / "r.urdf", "--taxels", skin, "-o", tmp_path / "r.toml")["parts"]
+    assert (part["units"], part["pitch_mm"]) == ("mm", pytest.approx(6))
+    (row,) = inspected(tmp_path / "r.toml")["parts"]
+    assert row["pitch_mm"]["median"] == pytest.approx(6)
+
+
+@pytest.mark.parametrize(("sign", "verdict"), [(1, "ok"), (-1, "check the module layout")])
+def test_a_mirrored_module_layout_is_the_verdict(tmp_path, sign, verdict):
+    urdf(tmp_path / "bot.urdf", arm=0.05)
+    places = 6.0 * np.array([[x, y] for x in range(4) for y in range(4)])
+    slots = [f"{k},{sign * x},{y},0" for k, (x, y) in enumerate(places)]
+    (tmp_path / "lay.csv").write_text("\n".join(["slot,x_mm,y_mm,thermal", *slots]))
+    rows = []
+    for module, angle in enumerate(np.arange(0, 6, 0.5)):  # x runs to the right, seen from outside
+        turn = angle + places[:, 0] / 50
+        round_ = np.column_stack([50 * np.cos(turn), 50 * np.sin(turn), 100 + places[:, 1]])
+        rows += [f"{16 * module + k},{module},{x},{y},{z}" for k, (x, y, z) in enumerate(round_)]
+    (tmp_path / "skin.csv").write_text("\n".join(["channel,module,x,y,z", *rows]))
+    (tmp_path / "r.toml").write_text(
+        '[robot]\nname = "r"\nurdf = "bot.urdf"\n[[part]]\nname = "arm"\nlink = "arm"\n'
+        'taxels = "skin.csv"\nunits = "mm"\nmodule = "lay.csv"\n'
+    )
+    assert inspected(tmp_path / "r.toml")["parts"][0]["verdict"] == verdict

@@ -13,7 +13,7 @@ import trimesh
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.io.robots.mesh_file import check_gltf, read_mesh
-from skinmap.io.robots.urdf import MeshBody
+from skinmap.io.robots.urdf import MeshBody, UrdfBody
 from skinmap.io.taxels.taxel_table import write_csv
 from skinmap.skin.taxels import TaxelTable
 
@@ -146,3 +146,20 @@ def test_a_pipe_beside_a_gltf_is_not_read(tmp_path):
     os.mkfifo(path.parent / "pipe.bin")
     with pytest.raises(MissingFileError):
         check_gltf(path)
+
+
+def test_the_unit_of_a_collada_file_counts_once(tmp_path):
+    solid = trimesh.creation.box(extents=[200, 300, 400])
+    text = solid.export(file_type="dae").decode()
+    text = text.replace("<up_axis>", '<unit name="millimeter" meter="0.001"/><up_axis>')
+    (tmp_path / "b.dae").write_text(text)
+    shape = '<geometry><mesh filename="b.dae"/></geometry>'
+    (tmp_path / "r.urdf").write_text(
+        f'<robot name="r"><link name="a"><visual>{shape}</visual></link></robot>'
+    )
+    for mesh in (UrdfBody(tmp_path / "r.urdf").mesh("a"),
+                 MeshBody(tmp_path / "b.dae", scale=1e-3).mesh("body")):  # fmt: skip
+        np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), [0.2, 0.3, 0.4])
+    (tmp_path / "b.dae").write_text(text.replace("0.001", "0"))
+    with pytest.raises(DataFormatError, match="its unit is not a length"):
+        UrdfBody(tmp_path / "r.urdf").mesh("a")

@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 
@@ -60,6 +62,29 @@ def test_columns_beside_the_position_may_be_missing(tmp_path, header, row, chann
     assert (table.channels[1], table.modules[1]) == (channel, module)
     np.testing.assert_array_equal(table.positions[1], [0.1, 0.2, 0.3])
     assert not table.normals.any()
+
+
+@pytest.mark.parametrize(
+    ("text", "left"),
+    [
+        ("z,channel,x,module,y\n0.3,4,0.1,7,0.2\n", ""),
+        ("channel\tmodule\tx\ty\tz\n4\t7\t0,1\t0.2\t0.3\n", ""),
+        ("id,module,x,y,z,channel,comment\nA,7,0.1,0.2,0.3,4,hello\n", "id, comment"),
+    ],
+)
+def test_columns_go_by_their_names(tmp_path, text, left):
+    (tmp_path / "t.csv").write_text(text)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        table = read_csv(tmp_path / "t.csv")
+    assert [str(one.message) for one in told] == [f"t.csv: columns that are not read: {left}"] * (
+        left != ""
+    )
+    assert (table.channels.tolist(), table.modules.tolist()) == ([4], [7])
+    np.testing.assert_array_equal(table.positions, [[0.1, 0.2, 0.3]])
+    (tmp_path / "t.csv").write_text("x,y,z,x\n1,2,3,4\n")
+    with pytest.raises(DataFormatError, match="expected the header"):
+        read_csv(tmp_path / "t.csv")
 
 
 @pytest.mark.parametrize("mark", [b"", b"\xef\xbb\xbf"])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import warnings
 
 import numpy as np
 import pytest
@@ -77,3 +78,76 @@ def test_a_shape_lies_where_its_origin_says(tmp_path):
     origin = peer(tmp_path / "r.urdf").link_map["b"].visuals[0].origin
     own = (mesh.vertices - origin[:3, 3]) @ origin[:3, :3]
     np.testing.assert_allclose(np.ptp(own, axis=0), [1, 2, 3], atol=1e-12)
+
+
+@pytest.mark.parametrize(("scale", "size"), [("-1 1 1", 24), ("-0.5", 3), ("-1 -1 2", 48)])
+def test_a_mesh_with_a_mirrored_scale_keeps_its_outside_out(scale, size, tmp_path):
+    import trimesh
+
+    from skinmap.io.robots.urdf import UrdfBody
+
+    trimesh.creation.box(extents=[2, 3, 4]).export(tmp_path / "b.stl")
+    shape = f'<geometry><mesh filename="b.stl" scale="{scale}"/></geometry>'
+    (tmp_path / "r.urdf").write_text(
+        f'<robot name="r"><link name="a"><visual>{shape}</visual></link></robot>'
+    )
+    mesh = UrdfBody(tmp_path / "r.urdf").mesh("a")
+    # The volume is negative where the normals point inward.
+    assert trimesh.Trimesh(mesh.vertices, mesh.faces).volume == pytest.approx(size)
+
+
+SHAPES = {
+    "collision": ("", '<collision>{box}</collision>', "has no visual mesh", [1, 2, 3]),
+    "capsule": ("", '<visual><geometry><capsule radius="1" length="2"/></geometry></visual>', "",
+                [2, 2, 4]),
+    "lost": ("", '<visual>{box}</visual><visual>{lost}</visual>', "without some of its meshes",
+             [1, 2, 3]),
+    "package": ("<package><name>acme</name></package>", '<visual>{mesh}</visual>', "", [2, 3, 4]),
+    "ROS": ("", '<visual>{mesh}</visual>', "", [2, 3, 4]),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_shapes_that_other_readers_know_are_read(kind, tmp_path, monkeypatch):
+    import trimesh
+
+    from skinmap.io.robots.urdf import UrdfBody
+
+    package, link, warning, size = SHAPES[kind]
+    home = tmp_path / "repository"
+    (home / "urdf").mkdir(parents=True)
+    meshes = (tmp_path / "elsewhere" / "acme" if kind == "ROS" else home) / "meshes"
+    meshes.mkdir(parents=True)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", f"{tmp_path / 'no'}:{tmp_path / 'elsewhere'}")
+    trimesh.creation.box(extents=[2, 3, 4]).export(meshes / "b.stl")
+    (home / "package.xml").write_text(package)
+    shapes = {
+        "box": '<geometry><box size="1 2 3"/></geometry>',
+        "lost": '<geometry><mesh filename="lost.stl"/></geometry>',
+        "mesh": '<geometry><mesh filename="package://acme/meshes/b.stl"/></geometry>',
+    }
+    text = f'<robot name="r"><link name="a">{link.format(**shapes)}</link></robot>'
+    (home / "urdf" / "r.urdf").write_text(text)
+    body = UrdfBody(home / "urdf" / "r.urdf")
+    assert body.visible_links == ("a",)
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        mesh = body.mesh("a")
+    assert [warning in str(one.message) for one in told] == [True] * bool(warning)
+    np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), size, rtol=0.01)
+
+
+def test_a_shape_that_nobody_knows_leaves_the_other_links(tmp_path):
+    from skinmap.errors import DataFormatError
+    from skinmap.io.robots.urdf import UrdfBody
+
+    text = ROBOT.replace('<link name="c"/>', '<link name="c"><visual><geometry><cone/></geometry>'
+                         "</visual></link>")  # fmt: skip
+    (tmp_path / "r.urdf").write_text(text)
+    body = UrdfBody(tmp_path / "r.urdf")
+    assert len(body.mesh("b").faces) == 12
+    with pytest.raises(DataFormatError, match="a geometry <cone>; known are mesh, box"):
+        body.mesh("c")
+    (tmp_path / "m.xml").write_text("<mujoco/>")
+    with pytest.raises(DataFormatError, match="an MJCF model: convert it, or give a mesh"):
+        UrdfBody(tmp_path / "m.xml")

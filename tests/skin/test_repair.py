@@ -143,7 +143,11 @@ def test_thermal_pads_go_by_the_files_word_and_by_their_slot():
     np.testing.assert_array_equal(repair_table(table, LAYOUT).thermal, [6, 10])
     np.testing.assert_array_equal(repair_table(table, None).thermal, [6])
     silent = TaxelTable(channels, channels // 12, points, np.zeros((12, 3)))
-    assert len(repair_table(silent, LAYOUT).table) == 12
+    np.testing.assert_array_equal(repair_table(silent, LAYOUT).thermal, [6, 10])
+    channels = np.arange(20)  # numbered without the pads: no slots
+    grid = 0.007 * np.column_stack([channels % 5, channels // 5, np.zeros(20)])
+    dense = TaxelTable(channels, channels // 10, grid, np.zeros((20, 3)))
+    assert len(repair_table(dense, LAYOUT).table) == 20
 
 
 def test_take_keeps_rows_whole(boards):
@@ -229,6 +233,20 @@ def test_check_modules_finds_planted_faults(boards):
     mirrored[rows] = (mirrored[rows] - middle) * [-1, 1, 1] + middle
     table = replace(boards, positions=mirrored)
     assert check_modules(table, up(table), LAYOUT, poses).mirrored == (5,)
+
+
+def sized(factor: float, slots: int = 12) -> ModuleLayout:
+    """The layout in another size, its first slots."""
+    thermal = LAYOUT.thermal[:slots]
+    return ModuleLayout("sized", factor * LAYOUT.xy[:slots], thermal, LAYOUT.centre)
+
+
+@pytest.mark.parametrize(
+    ("layout", "wrong"), [(sized(1), 0), (sized(2), 6), (sized(0.8), 6), (sized(1, 8), 6)]
+)
+def test_modules_that_do_not_fit_their_layout_are_told(boards, layout, wrong, rng):
+    noisy = replace(boards, positions=boards.positions + rng.normal(scale=5e-4, size=(60, 3)))
+    assert len(check_modules(noisy, up(noisy), layout, {}).misfit) == wrong
 
 
 def up(table: TaxelTable):

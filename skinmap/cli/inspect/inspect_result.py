@@ -66,7 +66,7 @@ class PartRow:
     unit
         Of the positions in their file.
     pitch_mm
-        Distance to the nearest taxel.
+        Distance to the nearest taxel on the same side of a thin part.
     distance_mm
         To the mesh of the link; null for a bare table, which has no body.
     frame

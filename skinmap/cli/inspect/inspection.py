@@ -22,7 +22,7 @@ from skinmap.skin.layouts import ModuleLayout, module_layout
 from skinmap.skin.modules import module_normals
 from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, check_steps, repair_table
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin import skin_from_table
+from skinmap.skin.skin import Skin, skin_from_table
 from skinmap.skin.taxels import NO_ID, TaxelTable
 from skinmap.summary import first_few
 from skinmap.surface.surface_mesh import build_surface
@@ -154,7 +154,7 @@ def _row(
     faults: Sequence[str] = (),
     **more: Any,
 ) -> PartRow:
-    from skinmap.geometry.proximity import nearest
+    from skinmap.surface.taxel_cloud import gaps_on_one_side
 
     table, before = report.table, report.original
     kept = np.isin(before.channels, table.channels)
@@ -162,8 +162,6 @@ def _row(
     length = np.linalg.norm(stored, axis=1)
     cosine = np.einsum("ij,ij->i", stored, normals) / np.where(length > 0, length, 1.0)
     replaced = int((np.arccos(np.clip(cosine, -1.0, 1.0)) > PLACEHOLDER).sum())
-    distinct = np.unique(table.positions, axis=0)
-    gap = nearest(distinct, 1)[0] if len(distinct) > 1 else np.zeros((1, 1))
     notes = [*faults, *warnings]
     if len(report.rebuilt):
         notes.append(f"{len(report.rebuilt)} taxels shared a place and were rebuilt")
@@ -178,7 +176,7 @@ def _row(
             "channels begin at 1, and the first value of a sample is channel 0: if they count from "
             "1 there too, every touch is a taxel off"
         )
-    if report.unit != "m":
+    if report.unit != report.stated:
         notes.append(f"positions were in {report.unit} and were converted")
     return PartRow(
         name=name,
@@ -190,7 +188,7 @@ def _row(
         normals_repaired=replaced,
         unwired=len(table.unwired),
         unit=report.unit,
-        pitch_mm=spread(gap[:, 0] * MM),
+        pitch_mm=spread(gaps_on_one_side(table.positions, normals) * MM),
         verdict=FAULTY if faults else _verdict(notes),
         warnings=notes,
         **more,
@@ -265,9 +263,10 @@ def _coincide(one: FloatArray, other: FloatArray) -> bool:
 def _without_surface(skin: Skin) -> list[str]:
     """Taxels that are too far from the others to be joined to a surface."""
     try:
-        return [words] if (words := build_surface(skin).left_out()) else []
+        left_out = build_surface(skin).left_out()
     except InvalidMeshError as error:
         return [f"{NO_SURFACE}: {error}"]
+    return [left_out] if left_out else []
 
 
 def _module_warnings(check: ModuleCheck, side: float | None) -> list[str]:
@@ -283,6 +282,11 @@ def _module_warnings(check: ModuleCheck, side: float | None) -> list[str]:
         warnings.append(
             f"modules {first_few(check.mirrored)} are mirrored: their slots run backwards"
         )
+    if check.misfit:
+        size = f" ({check.scale:.2f} times its size)" if abs(check.scale - 1.0) > 0.01 else ""
+        warnings.append(f"modules {first_few(check.misfit)} do not fit the layout{size}")
+    if 2 * max(len(check.misfit), len(check.mirrored)) > check.modules:
+        warnings.append("most modules are not of this layout: compare slots, side and sense")
     if side is not None and abs(check.side / side - 1.0) > OFF_SIDE:
         warnings.append(f"module side {check.side * MM:.1f} mm, the layout has {side * MM:.1f} mm")
     return warnings
@@ -298,6 +302,7 @@ def _twin(name: str) -> str:
 VERDICTS = {
     "check the taxels without a surface": ("in no triangle", NO_SURFACE),
     "check the module numbers against the hardware": ("swapped", "URDF has others"),
+    "check the module layout": ("most modules",),
     "name the drawing that belongs to the table": ("another skin's",),
     "check the places of these channels": ("channels at one place",),
     "name the cover, or check the frame": ("a cover",),

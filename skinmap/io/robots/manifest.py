@@ -26,7 +26,7 @@ from skinmap.errors import (
 )
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.geometry.triangles import TriangleMesh
-from skinmap.io.robots.mesh_file import read_mesh
+from skinmap.io.robots.mesh_file import file_metres, read_mesh
 from skinmap.io.robots.urdf import MeshBody, UrdfBody
 from skinmap.io.taxels.cyskin import has_channel, modules_of
 from skinmap.io.taxels.taxel_table import read_taxels
@@ -277,7 +277,12 @@ def _cover(entry: _Part, path: Path, inside: Path | None) -> Callable[[], Triang
     file = beside(path, entry.cover, inside)
     if not is_file(file):
         raise MissingFileError(file, "a mesh of a cover")
-    return lambda: TriangleMesh(*read_mesh(file))
+
+    def read() -> TriangleMesh:
+        vertices, faces = read_mesh(file)
+        return TriangleMesh(vertices * (file_metres(file) or 1.0), faces)
+
+    return read
 
 
 def _layout_name(module: str, path: Path, inside: Path | None) -> str:

@@ -133,7 +133,7 @@ def read_mesh(path: Path, *, merge: bool = True) -> tuple[FloatArray, np.ndarray
     Returns
     -------
     vertices : (n, 3) array of float
-        In the units of the file.
+        In the units of the file, see `file_metres`.
     faces : (m, 3) array of int
 
     Raises
@@ -166,6 +166,25 @@ def read_mesh(path: Path, *, merge: bool = True) -> tuple[FloatArray, np.ndarray
         what: list[Ingredient] = [path.read_bytes(), suffix, merge]
         made = cached("mesh", what, parse, made_by=("trimesh", "pycollada"))
     return made["vertices"], made["faces"]
+
+
+def file_metres(path: Path) -> float | None:
+    """Metres in a unit of a mesh file; None where it states none, as all but COLLADA."""
+    if path.suffix.lower() != ".dae":
+        return None
+
+    def stated() -> dict[str, np.ndarray]:
+        root = read_xml(path, "a COLLADA mesh", MAX_MESH_BYTES)
+        units = list(root.iterfind("{*}asset/{*}unit"))[:1]
+        try:
+            return {"metres": np.array([float(one.get("meter", "1")) for one in units])}
+        except ValueError:
+            return {"metres": np.full(1, np.nan)}
+
+    metres: FloatArray = cached("mesh_unit", [path.read_bytes()], stated)["metres"]
+    if not ((metres > 0.0) & (metres < np.inf)).all():
+        raise DataFormatError("its unit is not a length in metres", path)
+    return float(metres[0]) if len(metres) else None
 
 
 def _parsed(path: Path, merge: bool) -> tuple[FloatArray, np.ndarray]:

@@ -14,20 +14,24 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import MissingFileError, OutputError, SkinError
 from skinmap.geometry.proximity import closest_on_mesh, median_spacing
 from skinmap.geometry.rigid import transform_points
+from skinmap.geometry.triangles import TriangleMesh, face_normals
 from skinmap.io.output import staged_folder
-from skinmap.io.robots.mesh_file import MESH_SUFFIXES
+from skinmap.io.robots.mesh_file import MESH_SUFFIXES, file_metres
 from skinmap.io.robots.urdf import MeshBody, UrdfBody, read_urdf
 from skinmap.io.safe_xml import local_name
 from skinmap.io.units import UNITS
-from skinmap.skin.repair import PITCHES
+from skinmap.skin.repair import PITCHES, STATED_PITCHES
 from skinmap.skin.robot import DH_SUFFIX, Robot
 from skinmap.skin.taxels import TaxelTable
+from skinmap.surface.taxel_cloud import gaps_on_one_side
 
 KNOWN_UNITS = ("m", "cm", "mm", "in")
 SAMPLED = 300  # taxels that are laid on every link
 MOST = 80.0  # percent of the taxels that have to lie on a link: the rest may stand over its edge
 NEAR = 0.02  # a skin further off than this does not tell that it belongs there [m]
 CLEARER, APART = 3.0, 2e-3  # the next best is this many times further off, and this far [m]
+FITS = 0.1  # of the skin's size: a skin further off its mesh in the best units fits in none
+SHARE = 0.01  # of the skin's size: a skin so near lies on the mesh, whatever the units of both
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -45,7 +49,7 @@ class Candidate:
     skin_mm
         Size of the skin in this unit, along the axes.
     pitch_mm
-        Distance from a taxel to the next one, median.
+        Distance from a taxel to the next one on its side of a thin part, median.
     link_mm
         Size of the link's mesh along the axes; null where it has none that can be read.
     distance_mm
@@ -73,9 +77,20 @@ class Candidate:
         return low <= 1e-3 * self.pitch_mm <= high
 
     @property
+    def lies(self) -> bool:
+        """Whether the skin lies on the mesh, with a pitch that a stated unit is believed for."""
+        low, high = STATED_PITCHES
+        return self.relative <= SHARE and low <= 1e-3 * self.pitch_mm <= high
+
+    @property
     def off(self) -> float:
         """How far most taxels are off the link [m]."""
         return np.inf if self.most_mm is None else 1e-3 * self.most_mm
+
+    @property
+    def relative(self) -> float:
+        """How far most taxels are off the link, in sizes of the skin: small units gain nothing."""
+        return 1e3 * self.off / max(float(np.linalg.norm(self.skin_mm)), 1e-9)
 
 
 def candidates(
@@ -94,7 +109,7 @@ def candidates(
         Those that come into question.
     """
     positions = np.unique(table.positions, axis=0)
-    pitch, some = median_spacing(positions), positions[:: max(1, len(positions) // SAMPLED)]
+    pitch, step = median_spacing(positions), max(1, len(positions) // SAMPLED)
     rest = robot.body.poses({})
     found = []
     for link in links:
@@ -108,39 +123,66 @@ def candidates(
         frames = [frame for frame in (link, link + DH_SUFFIX) if frame in rest]
         moves = [np.linalg.inv(rest[link]) @ rest[frame] for frame in frames]
         for unit in units:
-            laid = []
+            off, apart = None, pitch * UNITS[unit]
             if mesh is not None:
-                moved = [
-                    transform_points(T_link_frame, some * UNITS[unit]) for T_link_frame in moves
-                ]
-                laid = [closest_on_mesh(one, mesh.vertices, mesh.faces)[0] for one in moved]
-            off = min(laid, key=np.median, default=None)
+                moved = [transform_points(T, positions * UNITS[unit]) for T in moves]
+                laid = [closest_on_mesh(one[::step], mesh.vertices, mesh.faces)[0] for one in moved]
+                best = int(np.argmin([np.median(one) for one in laid]))
+                off = laid[best]
+                if np.percentile(off, MOST) < apart:
+                    apart = _pitch(moved[best], mesh)
             found.append(
                 Candidate(
                     part=part,
                     units=unit,
                     link=link,
                     skin_mm=_millimetres(np.ptp(positions, axis=0) * UNITS[unit]),
-                    pitch_mm=1e3 * pitch * UNITS[unit],
+                    pitch_mm=1e3 * apart,
                     link_mm=None if mesh is None else _millimetres(np.ptp(mesh.vertices, axis=0)),
                     distance_mm=None if off is None else 1e3 * float(np.median(off)),
                     most_mm=None if off is None else 1e3 * float(np.percentile(off, MOST)),
                     unread=unread,
                 )
             )
-    return sorted(found, key=lambda one: (not one.plausible, one.off))
+    # A dense skin that lies on a link beats other units in which it would be far off.
+    far = not any(one.plausible and one.off <= NEAR for one in found)
+    return sorted(found, key=lambda one: (not (one.plausible or (far and one.lies)), one.off))
 
 
-def mesh_units(mesh: Path, tables: Mapping[str, TaxelTable], units: str | None) -> str:
-    """The unit of a mesh file: that in which a skin lies on it; metres where none does better."""
+def _pitch(positions: FloatArray, mesh: TriangleMesh) -> float:
+    """Median distance of taxels (n, 3) on a mesh to the next on their side of a thin part [m]."""
+    face = closest_on_mesh(positions, mesh.vertices, mesh.faces)[1]
+    normals = face_normals(mesh.vertices, mesh.faces)[face]
+    return float(np.median(gaps_on_one_side(positions, normals)))
+
+
+def mesh_units(
+    mesh: Path, tables: Mapping[str, TaxelTable], units: str | None
+) -> dict[str, list[Candidate]]:
+    """Units of a mesh file in which the skins lie on it, and the candidates for its tables then.
+
+    The first is the choice: metres where no unit fits. More than one where mesh and tables fit
+    alike in other units, as two files in one unit do in any; not where the file settles it, or
+    the unit that the tables are stated to be in.
+    """
     known = KNOWN_UNITS if units is None else (units,)
-    best: dict[str, float] = {}
+    fits, off, alike = {}, {}, {}
     for unit in KNOWN_UNITS:
         robot = Robot(mesh.stem, MeshBody(mesh, scale=UNITS[unit]), {})
-        found = [candidates(part, one, robot, known, robot.body.links)[0]
-                 for part, one in tables.items()]  # fmt: skip
-        best[unit] = max(one.off if one.plausible else np.inf for one in found)
-    return min(best, key=lambda unit: best[unit])
+        fits[unit] = found = [candidates(part, one, robot, known, robot.body.links)[0]
+                              for part, one in tables.items()]  # fmt: skip
+        off[unit] = max(one.off if one.plausible else np.inf for one in found)
+        alike[unit] = max(one.relative if one.plausible else np.inf for one in found)
+    limit = max(CLEARER * min(alike.values()), SHARE)
+    if min(alike.values()) > FITS:
+        best = min(off, key=lambda unit: off[unit])
+        return {best: fits[best]}
+    names = [unit for unit in KNOWN_UNITS if alike[unit] <= limit]
+    names = [unit for unit in names if UNITS[unit] == file_metres(mesh)] or names
+    # A flat skin lies on a flat mesh in any pair of units: most likely they have one.
+    names.sort(key=lambda unit: sum(one.units != unit for one in fits[unit]))
+    chosen = {tuple(one.units for one in fits[unit]): unit for unit in reversed(names)}
+    return {unit: fits[unit] for unit in reversed(chosen.values())}
 
 
 def _millimetres(lengths: FloatArray) -> list[float]:

@@ -6,7 +6,9 @@ import than a skin takes to be laid flat; the tests hold poses and shapes to suc
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import os
+import warnings
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,12 +20,14 @@ from skinmap.errors import (
     DataFormatError,
     ForbiddenPathError,
     MissingFileError,
+    SkinError,
+    SkinWarning,
     UnknownNameError,
 )
 from skinmap.geometry.rigid import check_transform, rpy_matrix, transform_points
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.interrupts import import_whole
-from skinmap.io.robots.mesh_file import read_mesh
+from skinmap.io.robots.mesh_file import file_metres, read_mesh
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
 from skinmap.io.text import is_file, parse_floats
 from skinmap.skin.joints import Joint, Kind, joint_transform
@@ -43,6 +47,8 @@ NUMBERS = {
     ("mimic", "offset"): (1,),
 }
 KINDS: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
+SIMPLE = ("box", "cylinder", "capsule", "sphere")
+OTHERS = {"mujoco": "an MJCF model", "sdf": "an SDF model", "COLLADA": "a COLLADA mesh"}
 STILL = ("fixed", "floating", "planar")  # one number says nothing about the last two
 
 
@@ -52,7 +58,8 @@ class UrdfBody:
     Parameters
     ----------
     path : Path
-        The URDF file. `package://NAME/...` is looked up in the folders above it.
+        The URDF file. `package://NAME/...` is looked up in the folders above it, by their names
+        and by those in their `package.xml`, and in those of `ROS_PACKAGE_PATH`.
     inside : Path, optional
         Folder that no mesh may lie outside of.
 
@@ -78,8 +85,9 @@ class UrdfBody:
 
     @property
     def visible_links(self) -> tuple[str, ...]:
-        """Names of the links that carry a visual mesh."""
-        return tuple(name for name, link in self._links.items() if link.shapes)
+        """Names of the links that carry a visual mesh; without any, those with another shape."""
+        shown = tuple(name for name, link in self._links.items() if link.shapes and link.visual)
+        return shown or tuple(name for name, link in self._links.items() if link.shapes)
 
     @property
     def joints(self) -> dict[str, tuple[float, float]]:
@@ -139,7 +147,9 @@ class UrdfBody:
         return said.mass, said.T_link_centre[:3, 3], turn @ said.inertia @ turn.T
 
     def mesh(self, link: str) -> TriangleMesh:
-        """Visual mesh of one link in the link's frame [m].
+        """Visual mesh of one link in the link's frame [m]; its collision shapes if it has none.
+
+        Shapes whose file is missing are left out with a warning where others are there.
 
         Raises
         ------
@@ -149,17 +159,41 @@ class UrdfBody:
         if link not in self._links:
             raise UnknownNameError("link", link, self.visible_links)
         vertices, faces, count = [np.zeros((0, 3))], [np.zeros((0, 3), np.int64)], 0
-        for shape in self._links[link].shapes:
-            if shape.kind == "mesh":
-                points, triangles = read_mesh(self._resolve(shape.file))
-                points = points * shape.numbers
-            else:
-                points, triangles = shape_mesh(shape)
+        own, lost = self._links[link], []
+        if own.shapes and not own.visual:
+            _warn(f"link {link!r} has no visual mesh: its collision shapes are taken")
+        for shape in own.shapes:
+            try:
+                points, triangles = self._triangles(shape)
+            except MissingFileError as error:
+                lost.append(error)
+                if len(lost) == len(own.shapes):
+                    raise
+                continue
             points = transform_points(check_transform(shape.T_link_shape, "visual origin"), points)
             vertices.append(points)
             faces.append(triangles + count)
             count += len(points)
+        if lost:
+            _warn(f"link {link!r} without some of its meshes: {lost[0]}")
         return TriangleMesh(np.concatenate(vertices), np.concatenate(faces))
+
+    def _triangles(self, shape: Shape) -> tuple[FloatArray, IntArray]:
+        """Vertices (n, 3) [m] and faces (m, 3) of a shape in its own frame."""
+        if shape.kind in SIMPLE:
+            return shape_mesh(shape)
+        if shape.kind != "mesh":
+            known = ", ".join(("mesh", *SIMPLE))
+            raise DataFormatError(f"a geometry <{shape.kind}>; known are {known}", self.path)
+        path = self._resolve(shape.file)
+        points, triangles = read_mesh(path)
+        if np.broadcast_to(shape.numbers, 3).prod() < 0:  # a mirror image: inside out
+            triangles = triangles[:, ::-1]
+        return points * shape.numbers * self._metres(path), triangles
+
+    def _metres(self, mesh: Path) -> float:
+        """Metres in a unit of a mesh, before its scale in the URDF."""
+        return file_metres(mesh) or 1.0
 
     def _resolve(self, name: str) -> Path:
         path = self.locate(name)
@@ -180,15 +214,34 @@ class UrdfBody:
         """
         if name.startswith("package://"):
             package, _, rest = name.removeprefix("package://").partition("/")
-            for folder in self.path.resolve().parents:
-                for root in (folder, folder / package):
-                    if root.name == package and is_file(root / rest):
-                        return root / rest
+            for root in _packages(package, self.path):
+                if is_file(root / rest):
+                    return root / rest
             raise MissingFileError(name, f"a mesh in a folder {package!r} above {self.path.name}")
         path = self.path.parent / name.removeprefix("file://")
         if not is_file(path):
             raise MissingFileError(path, "a mesh that the URDF names")
         return path
+
+
+def _packages(name: str, urdf: Path) -> Iterator[Path]:
+    """Folders of a ROS package: above a URDF by name, by package.xml, then those that ROS knows."""
+    above = urdf.resolve().parents
+    yield from (one for folder in above for one in (folder, folder / name) if one.name == name)
+    said = [Path(one) for one in os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep) if one]
+    for folder in (*above, *said):
+        file = folder / "package.xml"
+        try:
+            words = [one.text for one in children(read_xml(file, "a package"), "name")]
+        except SkinError:  # none, or one of something else
+            continue
+        if words == [name]:
+            yield folder
+    yield from (folder / name for folder in said)
+
+
+def _warn(text: str) -> None:
+    warnings.warn(text, SkinWarning, stacklevel=2)  # shown once, whoever asks for the mesh
 
 
 class MeshBody(UrdfBody):
@@ -214,15 +267,21 @@ class MeshBody(UrdfBody):
         self._links = {BODY: Link((Shape("mesh", np.eye(4), np.array([scale]), path.name),))}
         self._tree, self._moved = {}, []
 
+    def _metres(self, mesh: Path) -> float:
+        return 1.0  # `scale` says it
+
 
 def shape_mesh(shape: Shape) -> tuple[FloatArray, IntArray]:
-    """Vertices (n, 3) [m] and faces (m, 3) of a box, cylinder or sphere, in its own frame."""
+    """Vertices (n, 3) [m] and faces (m, 3) of one of the `SIMPLE` shapes, in its own frame."""
     creation = import_whole("trimesh.creation")
     if shape.kind == "box":
         mesh = creation.box(extents=shape.numbers)
     elif shape.kind == "cylinder":
         radius, height = shape.numbers
         mesh = creation.cylinder(radius=radius, height=height, sections=SECTIONS)
+    elif shape.kind == "capsule":
+        radius, height = shape.numbers
+        mesh = creation.capsule(radius=radius, height=height, count=[SECTIONS, SECTIONS])
     else:
         mesh = creation.icosphere(subdivisions=3, radius=float(shape.numbers[0]))
     return np.asarray(mesh.vertices, float), np.asarray(mesh.faces, np.int64)
@@ -238,7 +297,9 @@ def read_urdf(path: Path) -> Any:
     """
     root = read_xml(path, "a URDF file")
     if local_name(root) != "robot":
-        raise DataFormatError(f"not a URDF: <{local_name(root)}>", path, root.sourceline)
+        kind = local_name(root)
+        other = f", but {OTHERS[kind]}: convert it, or give a mesh" if kind in OTHERS else ""
+        raise DataFormatError(f"not a URDF: <{kind}>{other}", path, root.sourceline)
     if not root.get("name"):
         raise DataFormatError("not a URDF: <robot> lacks 'name'", path, root.sourceline)
     links = _names(root, "link", path)
@@ -348,11 +409,12 @@ class Shape:
 
     Attributes
     ----------
-    kind : {"mesh", "box", "cylinder", "sphere"}
+    kind : str
+        "mesh", one of `SIMPLE`, or one that is not known.
     T_link_shape : (4, 4) float
     numbers : (k,) float
-        A mesh's scale (1 or 3), a box' size (3), a cylinder's radius and length, a sphere's
-        radius [m].
+        A mesh's scale (1 or 3), a box' size (3), radius and length of a cylinder (of a capsule
+        without its ends), a sphere's radius [m].
     file : str
         Of a mesh.
     """
@@ -365,12 +427,16 @@ class Shape:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Link:
-    """A link: what it shows, and its mass [kg], centre frame (4, 4) and inertia (3, 3) if said."""
+    """A link: what it shows, and its mass [kg], centre frame (4, 4) and inertia (3, 3) if said.
+
+    `visual` tells whether it shows that, or what others bump into stands in.
+    """
 
     shapes: tuple[Shape, ...]
     mass: float | None = None
     T_link_centre: FloatArray | None = None
     inertia: FloatArray | None = None
+    visual: bool = True
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -401,12 +467,15 @@ def read_joints(root: Any) -> tuple[dict[str, Joint], list[Movable]]:
 
 
 def _link(element: Any) -> Link:
-    shapes = tuple(_shape(visual) for visual in children(element, "visual"))
+    visuals = children(element, "visual")
+    solid = [one for one in children(element, "collision") if children(one, "geometry")]
+    shapes = tuple(_shape(one) for one in visuals or solid)
+    shown = bool(visuals)
     for inertial in children(element, "inertial"):
         mass, inertia = _said(inertial, "mass", "value"), children(inertial, "inertia")
         tensor = _tensor(inertia[0]) if inertia else np.zeros((3, 3))
-        return Link(shapes, None if mass is None else float(mass), _origin(inertial), tensor)
-    return Link(shapes)
+        return Link(shapes, None if mass is None else float(mass), _origin(inertial), tensor, shown)
+    return Link(shapes, visual=shown)
 
 
 def _tensor(element: Any) -> FloatArray:
@@ -422,11 +491,11 @@ def _shape(visual: Any) -> Shape:
         return Shape(kind, place, _numbers(geometry.get("scale") or "1"), geometry.get("filename"))
     if kind == "box":
         return Shape(kind, place, _numbers(geometry.attrib["size"]))
-    if kind == "cylinder":
+    if kind in ("cylinder", "capsule"):
         return Shape(kind, place, _numbers("{radius} {length}".format(**geometry.attrib)))
     if kind == "sphere":
         return Shape(kind, place, _numbers(geometry.attrib["radius"]))
-    raise ValueError(f"a geometry <{kind}>; known are mesh, box, cylinder and sphere")
+    return Shape(kind, place, np.zeros(0))  # refused when it is asked for: others may be sound
 
 
 def _joint(element: Any, moved: set[str]) -> Joint:

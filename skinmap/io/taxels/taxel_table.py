@@ -1,7 +1,7 @@
 """Our own taxel table: CSV with the columns `channel,module,x,y,z,nx,ny,nz`, metres.
 
-Only x, y and z are needed: without a channel taxels are numbered by row, without a module they are
-of module 0, and normals are estimated anyhow.
+Columns go by their names; others are left aside. Only x, y and z are needed: without a channel
+taxels are numbered by row, without a module they are of module 0, and normals are estimated anyhow.
 
 Calibrated tables have six more, the covariance of each position, which reading leaves aside.
 
@@ -11,16 +11,18 @@ Taxel-table readers by name and file suffix, with plug-ins.
 from __future__ import annotations
 
 import csv
+import warnings
 from array import array
 from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
-from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError
+from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, UnknownNameError
 from skinmap.io.text import MAX_CHANNEL, CsvRows, check_file, parse_floats, read_text
 from skinmap.registry import Registry
 from skinmap.skin.taxels import TaxelTable
+from skinmap.summary import first_few
 
 POSITION = ("x", "y", "z")
 COLUMNS = ("channel", "module", "x", "y", "z", "nx", "ny", "nz")
@@ -52,15 +54,21 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
     try:
         header = next(reader, None)
         names = tuple(cell.strip().lower() for cell in header or ())
-        known = [one for one in (*COLUMNS, *COVARIANCE) if one in names]
-        if list(names) != known or not {*POSITION} <= {*names}:
+        twice = [one for one in COLUMNS if names.count(one) > 1]
+        if twice or not {*POSITION} <= {*names}:
             came = ",".join(header)[:200] if header is not None else "an empty file"
             raise DataFormatError(
                 f"expected the header {','.join(COLUMNS)} (only x,y,z are needed), got {came!r}",
                 path,
                 1,
             )
-        places = [COLUMNS.index(one) for one in names if one in COLUMNS]
+        places = [(COLUMNS.index(one), at) for at, one in enumerate(names) if one in COLUMNS]
+        if others := [one for one in names if one and one not in (*COLUMNS, *COVARIANCE)]:
+            warnings.warn(
+                f"{path.name}: columns that are not read: {first_few(others)[:200]}",
+                SkinWarning,
+                stacklevel=2,
+            )
         for row in reader:
             if row:  # without a channel: its row; without a module or a normal: zeros
                 whole = [float(len(values) // len(COLUMNS)), *[0.0] * (len(COLUMNS) - 1)]
@@ -69,7 +77,8 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
                     raise DataFormatError(
                         f"expected {len(names)} columns, got {len(row)}", path, line
                     )
-                for place, number in zip(places, parse_floats(row, path, line), strict=False):
+                numbers = parse_floats([row[at] for _, at in places], path, line)
+                for (place, _), number in zip(places, numbers, strict=True):
                     whole[place] = number
                 _check_numbers(whole, path, line)
                 values.extend(whole)
