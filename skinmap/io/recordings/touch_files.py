@@ -23,6 +23,7 @@ from skinmap.errors import (
 from skinmap.io.mcap.mcap_scan import scan_summary
 from skinmap.io.mcap.reading import Index, read_head, read_track
 from skinmap.io.mcap.writing import McapRecording
+from skinmap.io.recordings.dumper import PartLog, read_logs
 from skinmap.io.recordings.mapping import find_mapping, is_own_archive, needed_mapping
 from skinmap.io.recordings.recorded_stream import (
     RecordedStream,
@@ -342,6 +343,26 @@ def read_recordings(path: Path, format: str | None = None) -> list[Recording]:
         check_kind(path, "a recording", *readable())
         raise UnknownNameError("recording format for files ending in", path.suffix, readable())
     return recording_readers.get(said)(path)
+
+
+def part_logs(path: Path) -> dict[str, PartLog] | None:
+    """Each part at its own times, of a bag of ROS 2, XDF or a data dumper; None of other formats.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError, UnknownNameError
+        No such file, no mapping of a bag, or one that does not follow its format.
+    """
+    from skinmap.io.ros2.bag import is_bag, mapping_of, read_bag_parts
+
+    suffix = path.suffix.lower()
+    if is_bag(path) or (suffix == ".mcap" and mapping_of(path).is_file()):
+        return read_bag_parts(path)
+    if suffix in (".xdf", ".xdfz"):
+        from skinmap.io.recordings.xdf import read_xdf_parts
+
+        return read_xdf_parts(path)
+    return read_logs(path) if path.is_dir() or suffix == ".log" else None
 
 
 def recorded_robot(path: Path) -> str:
