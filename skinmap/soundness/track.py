@@ -109,15 +109,15 @@ def files_of(path: Path) -> list[Path]:
         raise MissingFileError(path, "a recording, or a folder of recordings")
     if not path.is_dir():
         return [path]
-    from skinmap.io.ros2.bag import is_bag
+    from skinmap.io.ros2.bag import METADATA, is_mapped, recordings_under
 
-    if is_bag(path) or (path / "data.log").is_file():
+    if (path / METADATA).is_file() or (path / "data.log").is_file():
         return [path]
     known = (*TABLES, *ARRAYS, *STREAMS)
     found = [
         one
-        for one in sorted(path.rglob("*"))
-        if one.suffix.lower() in known and one.is_file() and not one.name.startswith(".")
+        for one in recordings_under(path)
+        if (one.suffix.lower() in known or is_mapped(one)) and not one.name.startswith(".")
     ]
     logs = {one.parent.parent for one in found if one.name == "data.log"}
     found = [one for one in found if one.name != "data.log"] + sorted(logs)

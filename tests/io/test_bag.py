@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from rosbags import rosbag2, typesys
 
+import skinmap
+from skinmap.cli.collection import files_of
+from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
+from skinmap.io.recordings.touch_files import read_recordings, recorded_robot
 from skinmap.io.ros2.messages import Cloud
 from skinmap.live.sources.open_recording import open_track
 
@@ -221,3 +226,37 @@ def test_padding_is_skipped_and_messages_without_their_values_are_named(tmp_path
     (tmp_path / "b.map.toml").write_text(text)
     with pytest.raises(DataFormatError, match="a channel given twice"):
         open_track(bag)
+
+
+def run(*words):
+    return CliRunner().invoke(cli, [str(word) for word in words], input="w\n")
+
+
+def test_a_bag_is_a_recording_for_every_command(tmp_path):
+    robot = skinmap.load_robot("kaspar")
+    made = skinmap.simulate(robot.skin("torso"), gestures=["poke"], per_gesture=2, rng=0)
+    skinmap.save_recordings(made, tmp_path / "a.mcap", robot=robot)
+    bag, named = tmp_path / "bags" / "b", tmp_path / "n.npz"
+    bag.parent.mkdir()
+    assert run("export", tmp_path / "a.mcap", "--format", "rosbag2", "-o", bag).exit_code == 0
+    assert len(open_track(bag).touches) == 2  # our own needs no mapping
+    text = 'kind = "KIND"\nrobot = "kaspar"\n[[part]]\nname = "torso"\ntopic = "/skin/pressure"\n'
+    for kind in ("raw", "pressure"):
+        bag.with_name("b.map.toml").write_text(text.replace("KIND", kind))
+        found = run("label", bag, "--name", "poke", "-o", named)
+        assert (found.exit_code == 0) == (kind == "pressure"), found.output
+        assert ("raw values only" in str(found.exception)) == (kind == "raw")  # before any name
+    assert recorded_robot(bag) == "kaspar"
+    np.testing.assert_array_equal(read_recordings(bag)[0].pressures, made.pressures)
+    assert set(read_recordings(named)[0].labels) == {"poke"}
+    assert files_of(tmp_path / "bags") == [bag]  # and not the file in it
+    assert run("merge", bag, "-o", tmp_path / "m.npz").exit_code == 0
+    other = tmp_path / "other" / "robot.toml"
+    bag.with_name("b.map.toml").write_text(
+        text.replace("KIND", "raw").replace("kaspar", "../other/robot.toml")
+    )
+    assert recorded_robot(bag) == str(other)
+    bag.with_name("b.map.toml").unlink()
+    (bag / "recording.mcap").rename(bag / "other.mcap")
+    with pytest.warns(SkinWarning, match="without a mapping file"), pytest.raises(MissingFileError):
+        files_of(tmp_path / "bags")

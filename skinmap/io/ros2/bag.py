@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import warnings
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -34,6 +34,7 @@ from skinmap.validation import checked, toml_table
 
 MAPPING = ".map.toml"
 METADATA = "metadata.yaml"
+FILE = "recording.mcap"  # of a bag of ours
 SUFFIXES = (".db3", ".mcap")
 MAX_CHANNELS = 1_000_000
 # Types of one value a pixel, by the encodings of `sensor_msgs/Image` (with their channels).
@@ -73,8 +74,44 @@ def mapping_of(bag: Path) -> Path:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path looks like a bag of ROS 2: a folder with its metadata, or SQLite."""
-    return (path / METADATA).is_file() or path.suffix.lower() == ".db3"
+    """Whether a path looks like a bag of ROS 2 of others.
+
+    That is a folder with its metadata, SQLite, or an MCAP file with a mapping file beside it.
+    """
+    suffix = path.suffix.lower()
+    mapped = suffix == ".mcap" and mapping_of(path).is_file()
+    return mapped or suffix == ".db3" or ((path / METADATA).is_file() and whole(path) == path)
+
+
+def is_mapped(path: Path) -> bool:
+    """Whether a path is a bag that can be read: one with its mapping file, or our own export."""
+    return whole(path) != path or (is_bag(path) and mapping_of(path).is_file())
+
+
+def whole(path: Path) -> Path:
+    """The MCAP file of a bag of `write_rosbag2`, which needs no mapping; other paths unchanged."""
+    own = path / FILE
+    bare = (path / METADATA).is_file() and own.is_file() and not mapping_of(path).is_file()
+    return own if bare else path
+
+
+def recordings_under(folder: Path) -> list[Path]:
+    """Files of a folder and of its folders, by their names; a bag counts as one, without its files.
+
+    Bags without a mapping file are left out with a warning.
+    """
+    bags = {one.parent for one in folder.rglob(METADATA)} - {folder}
+    files = [one for one in folder.rglob("*") if one.is_file() and bags.isdisjoint(one.parents)]
+    several = sorted([*bags, *files])
+    bare = [one for one in several if (one in bags or is_bag(one)) and not is_mapped(one)]
+    if bare:
+        warnings.warn(
+            f"left out: {', '.join(str(one) for one in bare[:3])}{' ...' * (len(bare) > 3)}: bags "
+            f"without a mapping file beside them, as {mapping_of(bare[0]).name}",
+            SkinWarning,
+            stacklevel=3,
+        )
+    return [one for one in several if one not in bare]
 
 
 def read_bag(bag: Path) -> RecordedStream:
@@ -99,7 +136,17 @@ def read_bag(bag: Path) -> RecordedStream:
         A topic or field that the bag has not (lists those that exist).
     """
     mapping = read_bag_mapping(mapping_of(bag))
-    return side_by_side(bag.name, _read_topics(bag, mapping), mapping.kind, mapping.robot, bag)
+    track = side_by_side(bag.name, _read_topics(bag, mapping), mapping.kind, "", bag)
+    robot = robot_of_bag(bag)
+    name = load_robot(robot).name if robot and not robot.endswith(".toml") else ""
+    return replace(track, info=replace(track.info, robot=name), manifest=robot)
+
+
+def robot_of_bag(bag: Path) -> str:
+    """What `load_robot` loads the robot of a bag by; a manifest's path begins at the mapping."""
+    path = mapping_of(bag)
+    said = read_bag_mapping(path).robot
+    return str((path.parent / said).resolve()) if said.endswith(".toml") else said
 
 
 def read_bag_parts(bag: Path) -> dict[str, PartLog]:
@@ -277,9 +324,6 @@ def _stamps(part: str, found: _Messages, clock: str, bag: Path) -> FloatArray:
         stacklevel=6,
     )
     return seconds_of(log.astype(np.uint64))
-
-
-FILE = "recording.mcap"
 
 
 def write_rosbag2(track: RecordedStream, folder: Path) -> None:
