@@ -18,6 +18,7 @@ JUMP = 0.7  # steps by which rows behind a gap are later than those before it
 CLOSE = 0.3  # of a step: rows that came together
 BURST = 3  # rows
 SPREAD = 0.12  # of a step: what times of a sensor scatter by at most
+CROWD = 10  # rows behind a step back that cannot stand between those before it by chance
 SLIPS = 5000  # backward steps that are looked at one by one
 HELD = 3  # rows for which a moving touch stands still only if rows are repeated
 ALIKE = 0.5  # cosine between the steps before and behind a repeated row
@@ -283,7 +284,8 @@ def _restarts(times: FloatArray, step: float) -> list[int]:
         # Rows in another order fill each other's places: no time occurs twice.
         near = np.sort(times[begin:][(times[begin:] >= low) & (times[begin:] <= high)])
         doubled = np.diff(near) < CLOSE * step
-        if len(behind) >= 3 and (before or (not fills and doubled.mean() > 0.1)):
+        crowded = len(behind) > CROWD and len(near) > 1.5 * slots  # halves a part of a step apart
+        if len(behind) >= 3 and (before or (not fills and (doubled.mean() > 0.1 or crowded))):
             found.append(back)
             begin = done = back
         else:

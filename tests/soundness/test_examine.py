@@ -635,3 +635,13 @@ def test_broken_times_are_no_sound_ones(tmp_path, wrong):
     (tmp_path / "t.csv").write_text(text)
     (tmp_path / "t.toml").write_text('robot = "icub"\npart = "torso"\n')
     assert "stamps" in [one.kind for one in skinmap.examine(tmp_path / "t.csv") if one.matters]
+
+
+@pytest.mark.parametrize("late", [0.0, 0.25, 0.5, 0.75])
+def test_a_clock_that_begins_anew_between_the_steps_is_a_restart(late):
+    """Sorted by time, the halves would be mixed: that they are out of order is no answer."""
+    values = np.random.default_rng(2).normal(100, 3, (500, 8))
+    times = (np.arange(500) - np.where(np.arange(500) < 250, 0.0, 249.0 + late)) / 50
+    found = [one.kind for one in examine_track(Track("anew", values, times))[0].findings]
+    assert "restart" in found
+    assert "order" not in found
