@@ -45,6 +45,7 @@ MAX_RATIO = 100  # of a compressed file; recordings of sensors reach 10
 PIECE = 2**20  # unfolded at once
 LOST = 3.0  # usual steps that are a gap and no jitter
 NEAR = 25  # samples on either side that tell whether times stay late
+FAR = 10  # times as many
 PLACES = 200  # at which the scatter of times is looked at
 WILD = 5.0  # times that scatter
 OFF = 0.05  # share by which a real rate differs from one that was only meant
@@ -353,26 +354,26 @@ def _samples(stream: Any, path: Path) -> tuple[FloatArray, NDArray[Any]]:
 
 
 def _breaks(times: FloatArray) -> IntArray:
-    """Rows behind which times stay later, or earlier, than those before them went on.
+    """Rows from which times stay later, or earlier, than those before them went on.
 
     A burst makes up for the pause before it, a loss of samples does not.
     """
     count = len(times)
-    wide = min(NEAR, count // 10)
-    if wide < 2:
+    near = min(NEAR, count // 10)
+    if near < 2:
         return np.zeros(0, np.int64)
-    step = float(np.median(times[wide:] - times[:-wide])) / wide
+    step = float(np.median(times[near:] - times[:-near])) / near
     steps = np.diff(times)
-    off = np.flatnonzero((steps > LOST * step) | (steps < -step)) + 1
+    found = np.flatnonzero((steps > LOST * step) | (steps < -step)) + 1
     lags = times - step * np.arange(count)
+    for wide in (near, min(FAR * near, count // 4)):  # the wide one sees beyond a burst
+        some = np.linspace(near, count - near, PLACES).astype(int)
+        usual = float(np.median(np.abs(_jumps(lags, some, wide))))
+        found = found[np.abs(_jumps(lags, found, wide)) > max(LOST * step, WILD * usual)]
+    return found
 
-    def jumps(rows: IntArray) -> FloatArray:
-        return np.array(
-            [
-                np.median(lags[row : row + wide]) - np.median(lags[max(row - wide, 0) : row])
-                for row in rows
-            ]
-        )
 
-    usual = np.median(np.abs(jumps(np.linspace(wide, count - wide, PLACES).astype(int))))
-    return off[np.abs(jumps(off)) > max(LOST * step, WILD * usual)]
+def _jumps(lags: FloatArray, rows: IntArray, wide: int) -> FloatArray:
+    """How much later the rows from each on are than those before it [s]."""
+    sides = [(lags[row : row + wide], lags[max(row - wide, 0) : row]) for row in rows]
+    return np.array([np.median(after) - np.median(before) for after, before in sides])
