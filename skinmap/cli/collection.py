@@ -191,9 +191,11 @@ def _robot(name: str, file: Path, *, asked: bool) -> Robot:
 
 def files_of(path: Path) -> list[Path]:
     """The recordings that a path names: itself, or those in a folder and in its folders."""
-    if not path.is_dir():
+    from skinmap.io.ros2.bag import METADATA, recordings_under
+
+    if not path.is_dir() or (path / METADATA).is_file():
         return [path]
-    found = [one for one in sorted(path.rglob("*")) if one.is_file() and is_readable(one)]
+    found = [one for one in recordings_under(path) if is_readable(one)]
     if not found:
         raise MissingFileError(path, f"a folder with recordings ({', '.join(readable())})")
     return found

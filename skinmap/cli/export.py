@@ -600,9 +600,11 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
     from skinmap.io.mcap.reading import write_repaired
     from skinmap.io.output import staged_file
     from skinmap.io.recordings import learning
+    from skinmap.io.ros2.bag import mapping_of
     from skinmap.live.sources.open_recording import open_track
 
-    suffix, mends = output.suffix.lower(), path.suffix.lower() == MCAP
+    suffix = output.suffix.lower()
+    mends = path.suffix.lower() == MCAP and not mapping_of(path).is_file()
     if format is not None:
         if suffix in (*RECORDINGS, *WRITERS):
             name = output.name

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from skinmap.io.recordings.marks import Marks
     from skinmap.io.recordings.recorded_stream import RecordedStream
     from skinmap.skin.robot import Robot
+    from skinmap.touch.recording import Recording
 
 TABLE = ".csv"  # of touches, to edit elsewhere
 
@@ -98,7 +99,8 @@ def command(
     label = None if name is None else check_label(name)
     loaded = open_robot(robot, ())[0]
     track = open_track(recording, robot=loaded)
-    before = _felt(Marks(track.touches), recording, loaded)
+    own = _pressures(track, recording, output)
+    before = _felt(Marks(track.touches), own, loaded)
     finding = find or not len(before)
     marks = _found(recording, loaded, track.times) if finding else before
     found = len(marks) if finding else 0
@@ -117,7 +119,7 @@ def command(
         with staged_file(output) as stage:
             stage.write_text(marks_csv(marks, track.times), encoding="utf-8")
     else:
-        write_marked_recording(recording, output, named, loaded)
+        write_marked_recording(recording, output, named, loaded, own)
     result = LabelResult(
         before=len(before),
         found=found,
@@ -146,17 +148,28 @@ def _check(recording: Path, output: Path, *, changes: bool) -> None:
     protect(output, data=True)
 
 
-def _felt(marks: Marks, path: Path, robot: Robot) -> Marks:
+def _pressures(track: RecordedStream, path: Path, output: Path) -> list[Recording]:
+    """The pressures of a recording, where marks need them or the new file holds nothing else.
+
+    So what cannot be written is refused before the first touch is named.
+    """
+    from skinmap.io.recordings.touch_files import read_recordings, recordings_of
+
+    if not track.touches and (_keeps(path, output) or output.suffix.lower() == TABLE):
+        return []
+    return read_recordings(path) if track.touches else recordings_of(track, path)
+
+
+def _felt(marks: Marks, recordings: list[Recording], robot: Robot) -> Marks:
     """The marks under which more than stuck taxels was pressed."""
     from skinmap.io.recordings.marks import Marks
-    from skinmap.io.recordings.touch_files import read_recordings
     from skinmap.touch.contacts.grouping import without_stuck
     from skinmap.touch.prepared_skin import PreparedSkin
 
     if not len(marks):
         return marks
     stuck = set()
-    for one in read_recordings(path):
+    for one in recordings:
         numbers = sorted({mark.event for mark in marks.touches if mark.part == one.part})
         _, gone = without_stuck(one, PreparedSkin(robot.skin(one.part)).geometry)
         stuck |= {(one.part, numbers[row]) for row in gone.tolist()}
@@ -232,19 +245,30 @@ def by_keys(marks: Marks, track: RecordedStream, name: str) -> Marks:
             click.echo(str(error), err=True)
 
 
-def write_marked_recording(recording: Path, output: Path, marks: Marks, robot: Robot) -> None:
-    """Write a recording with other marks; raw values and joints are kept from MCAP to MCAP."""
+def write_marked_recording(
+    recording: Path, output: Path, marks: Marks, robot: Robot, own: list[Recording]
+) -> None:
+    """Write a recording with other marks; raw values and joints are kept from MCAP to MCAP.
+
+    `own` are its pressures; none where it is copied as it is.
+    """
     from skinmap.io.mcap.reading import write_marked
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.marks import remarked
-    from skinmap.io.recordings.touch_files import read_recordings, save_recordings
+    from skinmap.io.recordings.touch_files import save_recordings
 
     with staged_file(output) as stage:
-        if recording.suffix.lower() == output.suffix.lower() == ".mcap":
+        if _keeps(recording, output):
             write_marked(recording, stage, marks.touches)
             return
-        own = [remarked(one, marks, recording) for one in read_recordings(recording)]
-        save_recordings(own, stage, robot=robot)
+        save_recordings([remarked(one, marks, recording) for one in own], stage, robot=robot)
+
+
+def _keeps(recording: Path, output: Path) -> bool:
+    """Whether all that is in a recording is written again: from our MCAP to MCAP."""
+    from skinmap.io.ros2.bag import is_bag
+
+    return recording.suffix.lower() == output.suffix.lower() == ".mcap" and not is_bag(recording)
 
 
 def _lines(result: LabelResult) -> Iterator[str]:

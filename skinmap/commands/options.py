@@ -441,8 +441,10 @@ def _recorded_robot(ctx: click.Context | None) -> str:
     given = [ctx.params.get("recording"), ctx.params.get("source"), ctx.params.get("protocol")]
     for several in ("recordings", "files"):
         given += list(ctx.params.get(several) or ())
+    from skinmap.io.ros2.bag import is_mapped
+
     for path in (Path(one) for one in given if one):
-        if path.suffix.lower() in RECORDED and path.is_file():
+        if is_mapped(path) or (path.suffix.lower() in RECORDED and path.is_file()):
             from skinmap.io.recordings.touch_files import recorded_robot
 
             said = recorded_robot(path)

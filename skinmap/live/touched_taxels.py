@@ -167,16 +167,17 @@ def recordings_of(path: Path) -> list[Path]:
         A folder of which none can be read.
     """
     from skinmap.io.recordings.touch_files import is_foreign
-    from skinmap.io.ros2.bag import is_bag
+    from skinmap.io.ros2.bag import METADATA, is_mapped, recordings_under
 
-    if not path.is_dir() or (path / "data.log").exists() or is_bag(path):
+    if not path.is_dir() or (path / "data.log").exists() or (path / METADATA).is_file():
         return [path]
     found = sorted(
         one
-        for one in path.rglob("*")
-        if one.is_file()
-        and (one.suffix.lower() in SUFFIXES or (is_foreign(one) and not _places_taxels(one)))
-        and not any(word.startswith(".") for word in one.relative_to(path).parts)
+        for one in recordings_under(path)
+        if one.suffix.lower() in SUFFIXES
+        or is_mapped(one)
+        or (is_foreign(one) and not _places_taxels(one))
+        if not any(word.startswith(".") for word in one.relative_to(path).parts)
     )
     if not found:
         raise MissingFileError(path, f"recordings ({', '.join(SUFFIXES)}) in this folder")

@@ -18,9 +18,12 @@ JUMP = 0.7  # steps by which rows behind a gap are later than those before it
 CLOSE = 0.3  # of a step: rows that came together
 BURST = 3  # rows
 SPREAD = 0.12  # of a step: what times of a sensor scatter by at most
+CROWD = 10  # rows behind a step back that cannot stand between those before it by chance
 SLIPS = 5000  # backward steps that are looked at one by one
 HELD = 3  # rows for which a moving touch stands still only if rows are repeated
 ALIKE = 0.5  # cosine between the steps before and behind a repeated row
+SHARED = 0.1  # of all rows: those with the time of another
+MOST = 0.5  # the same, beside bursts: there a sensor's own program gave no times
 FEW_CHANGES = 6  # channels
 
 
@@ -81,7 +84,26 @@ def time_faults(survey: Survey) -> TimeFaults:
     ordered = [own[np.argsort(times[own], kind="stable")] for own in pieces]
     if step > 0:
         found += _spacing(times, ordered, step)
+    if not any(one.kind == "stamps" for one in found):
+        bursts = any(one.kind == "burst" for one in found)
+        found += _shared_stamps(times, repeated, track.stretches, MOST if bursts else SHARED)
     return TimeFaults(found, repeated, pieces, step)
+
+
+def _shared_stamps(
+    times: FloatArray, repeated: NDArray[np.bool_], stretches: IntArray | None, share: float
+) -> list[Finding]:
+    """Whether more than a share of the rows have the time of the row before."""
+    same = (np.diff(times) == 0) & ~repeated[1:]
+    if stretches is not None:
+        same &= np.diff(stretches) == 0
+    if same.mean() <= share:
+        return []
+    text = (
+        f"{same.sum()} of {len(times)} rows have the time of the row before: the clock is too "
+        "coarse, or the times lost digits, as of seconds since 1970 in four bytes."
+    )
+    return [finding("stamps", text, rows=spans_of(np.flatnonzero(same) + 1), times=times)]
 
 
 def _step(times: FloatArray, rows: IntArray, stretches: IntArray | None) -> float:
@@ -245,7 +267,8 @@ def _restarts(times: FloatArray, step: float) -> list[int]:
         # Rows in another order fill each other's places: no time occurs twice.
         near = np.sort(times[begin:][(times[begin:] >= low) & (times[begin:] <= high)])
         doubled = np.diff(near) < CLOSE * step
-        if len(behind) >= 3 and (before or (not fills and doubled.mean() > 0.1)):
+        crowded = len(behind) > CROWD and len(near) > 1.5 * slots  # halves a part of a step apart
+        if len(behind) >= 3 and (before or (not fills and (doubled.mean() > 0.1 or crowded))):
             found.append(back)
             begin = done = back
         else:

@@ -108,15 +108,15 @@ def files_of(path: Path) -> list[Path]:
         raise MissingFileError(path, "a recording, or a folder of recordings")
     if not path.is_dir():
         return [path]
-    from skinmap.io.ros2.bag import is_bag
+    from skinmap.io.ros2.bag import METADATA, is_mapped, recordings_under
 
-    if is_bag(path) or (path / "data.log").is_file():
+    if (path / METADATA).is_file() or (path / "data.log").is_file():
         return [path]
     known = (*TABLES, *ARRAYS, *STREAMS)
     found = [
         one
-        for one in sorted(path.rglob("*"))
-        if one.suffix.lower() in known and one.is_file() and not one.name.startswith(".")
+        for one in recordings_under(path)
+        if (one.suffix.lower() in known or is_mapped(one)) and not one.name.startswith(".")
     ]
     logs = {one.parent.parent for one in found if one.name == "data.log"}
     found = [one for one in found if one.name != "data.log"] + sorted(logs)
@@ -363,7 +363,7 @@ def _from_table(path: Path) -> Track:
     if mapping is not None and mapping.channels:
         kept = [k for k in kept if names[numbers[k]] in mapping.channels]
     times, unit = _times(None if clock is None else table[:, clock], len(table), path)
-    if mapping is not None and clock is not None:
+    if mapping is not None and times is not None and mapping.time_unit != "s":
         times, unit = table[:, clock] * SECONDS[mapping.time_unit], ""
     words: dict[str, tuple[str, ...]] = {}
     for k in beside:
@@ -560,12 +560,23 @@ def _from_stream(path: Path) -> Track:
 
 
 def tables_in(path: Path) -> list[Track]:
-    """The tables of a recording: one, or one for each part of ours that has times of its own."""
-    if not is_own_archive(path):
-        return [read_track(path)]
-    from skinmap.io.recordings.touch_files import load_recordings
+    """The tables of a recording: one, or one for each part that has times of its own."""
+    from skinmap.io.recordings.touch_files import load_recordings, part_logs
 
-    return [check_track(one) for one in tracks_of(load_recordings(path), str(path))]
+    if is_own_archive(path):
+        return [check_track(one) for one in tracks_of(load_recordings(path), str(path))]
+    logs = part_logs(path)
+    if not logs:
+        return [read_track(path)]
+    several = len(logs) > 1
+    # A part of one channel has none to be compared with.
+    wide = {part: one for part, one in logs.items() if one[1].shape[1] > 1} or logs
+    return [
+        check_track(
+            Track(": ".join([str(path), *[part] * several]), values, times, part=part * several)
+        )
+        for part, (times, values, _) in wide.items()
+    ]
 
 
 def tracks(paths: list[Path]) -> Iterator[Track]:

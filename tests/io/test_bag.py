@@ -4,9 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from click.testing import CliRunner
 from rosbags import rosbag2, typesys
 
-from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+import skinmap
+from skinmap.cli.collection import files_of
+from skinmap.cli.main import cli
+from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
+from skinmap.io.recordings.touch_files import read_recordings, recorded_robot
+from skinmap.io.ros2.messages import Cloud
 from skinmap.live.sources.open_recording import open_track
 
 STEPS = 20
@@ -138,3 +144,119 @@ def test_damaged_bag_is_refused(bag):
     file.write_bytes(bytes(data[: len(data) // 3]))
     with pytest.raises(DataFormatError, match="not a bag that rosbags reads"):
         open_track(folder)
+
+
+N = 6
+COUNTED = np.add.outer(np.arange(200), np.arange(N)) % 251  # each sample counts itself
+SECONDS = np.arange(200) / 50
+
+
+def clouds(folder, stamps, log=100.0 + SECONDS, values=COUNTED, other=None):
+    """A bag of a cloud a row, with stamps of its headers and times of the log [s], and its map.
+
+    `other` are times and values of a second topic of arrays.
+    """
+    store = typesys.get_typestore(typesys.Stores.ROS2_HUMBLE)
+    made = Cloud("hand", np.zeros((N, 3)), "force")
+    rows = [
+        (t, "/palm", made.message(round(s * 1e9), row))
+        for s, t, row in zip(stamps, log, values, strict=True)
+    ]
+    kinds = {"/palm": "sensor_msgs/msg/PointCloud2"}
+    text = '[[part]]\nname = "palm"\ntopic = "/palm"\nfield = "force"\n'
+    if other is not None:
+        kinds["/arm"] = kind = "std_msgs/msg/Float32MultiArray"
+        text += '[[part]]\nname = "arm"\ntopic = "/arm"\n'
+        for time, (begin, row) in zip(*other, strict=True):
+            layout = store.types["std_msgs/msg/MultiArrayLayout"](dim=[], data_offset=begin)
+            data = np.concatenate([np.full(begin, 99.0), row]).astype(np.float32)
+            message = store.types[kind](layout=layout, data=data)
+            rows.append((time, "/arm", bytes(store.serialize_cdr(message, kind))))
+    with rosbag2.Writer(folder, version=8) as writer:
+        topics = {name: writer.add_connection(name, k, typestore=store)
+                  for name, k in kinds.items()}  # fmt: skip
+        for time, name, data in sorted(rows, key=lambda one: one[0]):
+            writer.write(topics[name], round(time * 1e9), data)
+    folder.with_name(f"{folder.name}.map.toml").write_text(text)
+    return folder
+
+
+def test_samples_that_share_a_stamp_all_come_back(tmp_path):
+    track = open_track(clouds(tmp_path / "coarse", 7.0 + np.floor(SECONDS * 10 + 1e-9) / 10))
+    np.testing.assert_array_equal(track.values[:], COUNTED)
+
+
+def test_a_clock_that_begins_anew_is_refused_and_a_late_message_put_in_order(tmp_path):
+    anew = np.where(SECONDS < 2, SECONDS, SECONDS - 1.99)
+    with pytest.raises(DataFormatError, match=r"clock of .palm. began anew: sample 100 is 1\.97"):
+        open_track(clouds(tmp_path / "anew", 7.0 + anew))
+    late = np.r_[:50, 51:55, 50, 55:200]
+    bag = clouds(tmp_path / "late", 7.0 + SECONDS[late], values=COUNTED[late])
+    np.testing.assert_array_equal(open_track(bag).values[:], COUNTED)
+
+
+def test_a_part_that_falls_silent_leaves_a_gap(tmp_path):
+    on = (SECONDS < 1) | (SECONDS > 3)
+    other = 100.0 + SECONDS, [(0, np.full(2, 5.0))] * 200
+    bag = clouds(tmp_path / "b", 100.0 + SECONDS[on], 100.0 + SECONDS[on], COUNTED[on], other)
+    with pytest.warns(SkinWarning, match="'palm' sent nothing at 98 of 200 samples"):
+        track = open_track(bag)
+    assert track.gaps == 1
+    assert np.diff(track.times).max() == pytest.approx(1.98)
+
+
+@pytest.mark.parametrize("wrong", ["unset", "negative", "constant"])
+def test_one_clock_is_that_of_a_whole_topic(tmp_path, wrong):
+    stamps = {"unset": np.where(np.arange(200) % 10 == 5, 0.0, 7.0 + SECONDS),
+              "negative": SECONDS - 3.0, "constant": np.full(200, 7.0)}[wrong]  # fmt: skip
+    with pytest.warns(SkinWarning, match="headers of 'palm' give no times"):
+        track = open_track(clouds(tmp_path / "b", stamps))
+    np.testing.assert_allclose(track.times, 100.0 + SECONDS, rtol=0, atol=1e-6)
+    np.testing.assert_array_equal(track.values[:], COUNTED)
+
+
+def test_padding_is_skipped_and_messages_without_their_values_are_named(tmp_path):
+    rows = [(4, np.array([1.0, 2.0]))] * 200
+    rows[100], rows[120] = (4, np.array([1.0, np.nan])), (4, np.array([1.0]))
+    bag = clouds(tmp_path / "b", 100.0 + SECONDS, other=(100.0 + SECONDS, rows))
+    with pytest.warns(SkinWarning, match=r"2 of 200 messages of .arm. .*message 100, 2\.00 s"):
+        track = open_track(bag)
+    np.testing.assert_array_equal(track.values[:][:, N:], np.tile([1.0, 2.0], (200, 1)))
+    text = (tmp_path / "b.map.toml").read_text() + "channels = [1, 1]"
+    (tmp_path / "b.map.toml").write_text(text)
+    with pytest.raises(DataFormatError, match="a channel given twice"):
+        open_track(bag)
+
+
+def run(*words):
+    return CliRunner().invoke(cli, [str(word) for word in words], input="w\n")
+
+
+def test_a_bag_is_a_recording_for_every_command(tmp_path):
+    robot = skinmap.load_robot("kaspar")
+    made = skinmap.simulate(robot.skin("torso"), gestures=["poke"], per_gesture=2, rng=0)
+    skinmap.save_recordings(made, tmp_path / "a.mcap", robot=robot)
+    bag, named = tmp_path / "bags" / "b", tmp_path / "n.npz"
+    bag.parent.mkdir()
+    assert run("export", tmp_path / "a.mcap", "--format", "rosbag2", "-o", bag).exit_code == 0
+    assert len(open_track(bag).touches) == 2  # our own needs no mapping
+    text = 'kind = "KIND"\nrobot = "kaspar"\n[[part]]\nname = "torso"\ntopic = "/skin/pressure"\n'
+    for kind in ("raw", "pressure"):
+        bag.with_name("b.map.toml").write_text(text.replace("KIND", kind))
+        found = run("label", bag, "--name", "poke", "-o", named)
+        assert (found.exit_code == 0) == (kind == "pressure"), found.output
+        assert ("raw values only" in str(found.exception)) == (kind == "raw")  # before any name
+    assert recorded_robot(bag) == "kaspar"
+    np.testing.assert_array_equal(read_recordings(bag)[0].pressures, made.pressures)
+    assert set(read_recordings(named)[0].labels) == {"poke"}
+    assert files_of(tmp_path / "bags") == [bag]  # and not the file in it
+    assert run("merge", bag, "-o", tmp_path / "m.npz").exit_code == 0
+    other = tmp_path / "other" / "robot.toml"
+    bag.with_name("b.map.toml").write_text(
+        text.replace("KIND", "raw").replace("kaspar", "../other/robot.toml")
+    )
+    assert recorded_robot(bag) == str(other)
+    bag.with_name("b.map.toml").unlink()
+    (bag / "recording.mcap").rename(bag / "other.mcap")
+    with pytest.warns(SkinWarning, match="without a mapping file"), pytest.raises(MissingFileError):
+        files_of(tmp_path / "bags")

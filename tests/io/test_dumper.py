@@ -89,6 +89,13 @@ def test_late_lines_are_put_in_order(tmp_path, values):
     np.testing.assert_array_equal(track.values[:], values)
 
 
+def test_lines_of_one_stamp_are_all_read(tmp_path):
+    values = np.arange(60, dtype=np.uint8)[:, None]
+    lines = [f"{k} {100 + k // 5 / 10:.1f} {k}\n" for k in range(60)]
+    track = read_dump(store(tmp_path / "a", "".join(lines).encode()).parent)
+    np.testing.assert_array_equal(track.values[:], values)
+
+
 @pytest.mark.parametrize("cut", [1, 4, 20])
 def test_cut_log_gives_all_whole_lines(tmp_path, values, cut):
     track = read_dump(store(tmp_path / "a", log(values)[:-cut]))

@@ -11,7 +11,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from skinmap.errors import DataFormatError, MissingFileError, SkinError, UnknownNameError
+from skinmap.errors import (
+    DataFormatError,
+    MissingFileError,
+    SkinError,
+    SkinWarning,
+    UnknownNameError,
+)
 from skinmap.io.recordings import xdf
 from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.io.recordings.xdf import BOUNDARY, read_xdf
@@ -39,10 +45,13 @@ def header(stream: int, name: str, channels: int, kind: str = "float32", desc: s
     return chunk(2, struct.pack("<I", stream) + xml.encode())
 
 
-def samples(stream: int, values: np.ndarray, first: int = 0) -> bytes:
+def samples(
+    stream: int, values: np.ndarray, first: int = 0, times: np.ndarray | None = None
+) -> bytes:
     content = struct.pack("<I", stream) + b"\x04" + struct.pack("<I", len(values))
     for row, sample in enumerate(values):
-        stamp = struct.pack("<d", START + (first + row) / RATE)
+        time = (first + row) / RATE if times is None else times[row]
+        stamp = struct.pack("<d", START + time)
         content += b"\x08" + stamp + sample.astype("<f4").tobytes()
     return chunk(3, content)
 
@@ -99,6 +108,69 @@ def test_streams_are_parts_of_the_robot(tmp_path, values, icub):
     assert (track.parts, track.info.robot) == (("left_hand",), "iCub")
     with pytest.raises(UnknownNameError, match="no part of iCub among the streams 'tail'"):
         read(tmp_path, recording(values, "tail"), robot=icub)
+
+
+def streams(*several: tuple[np.ndarray, np.ndarray, str]) -> bytes:
+    """A file of streams, each with times, values and a description."""
+    body = b"XDF:" + chunk(1, b'<?xml version="1.0"?><info><version>1.0</version></info>')
+    for number, (times, values, desc) in enumerate(several, 1):
+        body += header(number, f"s{number}", values.shape[1], desc=desc)
+        body += samples(number, values, times=times)
+    return body
+
+
+def test_all_streams_that_describe_their_skin_are_joined(tmp_path, values):
+    other = OURS.replace(">a<", ">c<").replace(">b<", ">d<")
+    times = np.arange(100) / RATE
+    track = read(tmp_path, streams((times, values, OURS), (times, values + 1.0, other)))
+    assert (track.parts, track.kind, track.info.robot) == (("a", "b", "c", "d"), "pressure", "iCub")
+    np.testing.assert_array_equal(track.values[:], np.hstack([values, values + 1.0]))
+    raw = other.replace("pressure", "raw")
+    with pytest.warns(SkinWarning, match=r"left out: s2 \(raw, c, d\)"):
+        assert read(tmp_path, streams((times, values, OURS), (times, values, raw))).parts == (
+            "a", "b"
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_loss_of_samples_is_one_gap_and_bursts_are_none(tmp_path, seed):
+    rng = np.random.default_rng(seed)
+    times = np.arange(600) / RATE + rng.normal(0, 0.002, 600)
+    counted = np.arange(600)[:, None] % 251
+    kept = (np.arange(600) < 250) | (np.arange(600) >= 400)
+    track = read(tmp_path, streams((times[kept], counted[kept], "")))
+    assert track.gaps == 1
+    assert np.diff(track.times).max() == pytest.approx(151 / RATE, abs=0.005)
+    assert track.seconds == pytest.approx(12.0, abs=0.01)
+    # A radio sends ten samples at once: the line through them all is as it was.
+    bursts = np.arange(600) // 10 * 10 / RATE + rng.normal(0, 0.002, 600)
+    late = np.arange(600) / RATE  # a computer that paused twice for a second
+    for first in (100, 350):
+        late[first : first + 60] = np.maximum(late[first : first + 60], late[first + 50])
+    for times in (bursts, late):
+        track = read(tmp_path, streams((times, counted, "")))
+        assert track.gaps == 0
+        np.testing.assert_allclose(np.diff(track.times), np.diff(track.times).mean(), rtol=1e-6)
+
+
+def test_a_rate_that_was_only_meant_is_not_believed(tmp_path, values):
+    track = read(tmp_path, streams((np.arange(100) / 40.0, values, "")))
+    assert track.info.rate == pytest.approx(40.0)  # the header has 50
+
+
+def test_a_clock_that_begins_anew_is_refused(tmp_path, values):
+    times = np.r_[np.arange(60), np.arange(40)] / RATE
+    with pytest.raises(DataFormatError, match="the clock of 's1' began anew: sample 60"):
+        read(tmp_path, streams((times, values, "")))
+
+
+def test_a_stream_that_ends_early_is_not_held_to_the_end(tmp_path, values):
+    times = np.arange(300) / RATE
+    long = np.arange(300)[:, None] % 251
+    with pytest.warns(SkinWarning, match="'s2' sent nothing at 197 of 300 samples"):
+        track = read(tmp_path, streams((times, long, ""), (times[:100] - 0.001, values, "")))
+    np.testing.assert_array_equal(track.values[:100][:, 1:], values)
+    assert track.seconds == pytest.approx(2.06)
 
 
 def test_compressed_file_is_read(tmp_path, values):

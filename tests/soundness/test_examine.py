@@ -599,3 +599,49 @@ def test_taxels_that_drift_with_the_skin_are_no_temperatures():
     counts[:, 90] = np.rint(60 + 30 * np.sin(times / 90) + rng.normal(0, 0.6, len(times)))
     found = examine_track(Track("t", counts, times))[0].findings
     assert [one.channels for one in found if one.kind == "thermal"] == [[90]]  # the control
+
+
+def test_parts_of_a_recording_are_examined_at_their_own_times(tmp_path):
+    """Two sound parts of other rates and kinds have no finding; a loss in one is found there."""
+    rng = np.random.default_rng(0)
+    for part, rate, start in (("a", 100.0, 50.0), ("b", 37.0, 50.013)):
+        times = start + np.arange(8 * rate) / rate
+        values = np.clip(
+            np.rint(rng.normal(200, 1 if part == "a" else 3, (len(times), 24))), 0, 255
+        )
+        kept = (times < 53) | (times > 54) | (part == "a")
+        lines = [
+            f"{k} {t:.6f} " + " ".join(f"{v:.0f}" for v in row) + "\n"
+            for k, (t, row) in enumerate(zip(times[kept], values[kept], strict=True))
+        ]
+        (tmp_path / part).mkdir()
+        (tmp_path / part / "data.log").write_text("".join(lines))
+    found = skinmap.examine(tmp_path)
+    assert [(one.kind, one.file) for one in found] == [("lost", f"{tmp_path}: b")]
+
+
+@pytest.mark.parametrize("wrong", ["ms", "ns", "digits", "coarse"])
+def test_broken_times_are_no_sound_ones(tmp_path, wrong):
+    """A mapping that leaves the unit out does not make seconds of other units."""
+    values = np.random.default_rng(1).normal(100, 3, (600, 8)).round(2)
+    seconds = np.arange(600) / 50
+    times = {"ms": seconds * 1e3, "ns": (1.76e9 + seconds) * 1e9,
+             "digits": (1.76e9 + seconds).astype(np.float32).astype(float),
+             "coarse": np.floor(seconds * 10 + 1e-9) / 10}[wrong]  # fmt: skip
+    rows = [
+        f"{time:.6f}," + ",".join(map(str, row)) for time, row in zip(times, values, strict=True)
+    ]
+    text = "time," + ",".join(f"ch{k}" for k in range(8)) + "\n" + "\n".join(rows)
+    (tmp_path / "t.csv").write_text(text)
+    (tmp_path / "t.toml").write_text('robot = "icub"\npart = "torso"\n')
+    assert "stamps" in [one.kind for one in skinmap.examine(tmp_path / "t.csv") if one.matters]
+
+
+@pytest.mark.parametrize("late", [0.0, 0.25, 0.5, 0.75])
+def test_a_clock_that_begins_anew_between_the_steps_is_a_restart(late):
+    """Sorted by time, the halves would be mixed: that they are out of order is no answer."""
+    values = np.random.default_rng(2).normal(100, 3, (500, 8))
+    times = (np.arange(500) - np.where(np.arange(500) < 250, 0.0, 249.0 + late)) / 50
+    found = [one.kind for one in examine_track(Track("anew", values, times))[0].findings]
+    assert "restart" in found
+    assert "order" not in found

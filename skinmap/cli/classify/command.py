@@ -146,7 +146,11 @@ def _with_gestures(source: str, gestures: tuple[str, ...]) -> str:
 
 def holds_events(source: str) -> bool:
     """Whether a source is a recording of pressures whose touches were marked."""
-    path = Path(source)
+    from skinmap.io.ros2.bag import is_mapped, whole
+
+    path = whole(Path(source))
+    if is_mapped(path):
+        return False
     if not path.is_file():
         return path.suffix.lower() == ".npz"
     if path.suffix.lower() == ".mcap":

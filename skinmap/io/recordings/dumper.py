@@ -6,14 +6,16 @@ values are given as they are. A folder may hold one folder a part, each with its
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray
-from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
 from skinmap.io.recordings.recorded_stream import (
     Kind,
     Loss,
@@ -29,6 +31,13 @@ MAX_BYTES = 8 * 2**30
 MAX_LINE = 8 * 2**20  # a line of a million values
 BLOCK = 1024  # lines kept as numbers before they are packed
 RANGE = (0.0, 255.0)
+LATE = 10  # samples on end that may come late; more are those of a clock that began anew
+HELD = 3.5  # usual periods of a part for which its last sample stands
+APART = 1.0  # seconds by which parts of one recording may begin and end after each other
+USUAL = 95.0  # percentile of the steps of a part that is its usual period
+
+
+PartLog = tuple[FloatArray, NDArray[Any], str]  # times, values, and what was wrong with its end
 
 
 def read_dump(path: Path, *, robot: Robot | None = None) -> RecordedStream:
@@ -54,13 +63,18 @@ def read_dump(path: Path, *, robot: Robot | None = None) -> RecordedStream:
     UnknownNameError
         A folder that is called like no part of the robot.
     """
+    name = path.name if path.is_dir() else path.parent.name or path.name
+    read = read_logs(path, robot=robot)
+    return side_by_side(name, read, "raw", "" if robot is None else robot.name, path)
+
+
+def read_logs(path: Path, *, robot: Robot | None = None) -> dict[str, PartLog]:
+    """The log of each part, in the order of its lines; arguments and errors as `read_dump`."""
     logs = _logs(path)
     named = {_part(log, robot): log for log in logs}
     if len(named) < len(logs):
         raise DataFormatError("two logs of one part", path)
-    name = path.name if path.is_dir() else path.parent.name or path.name
-    read = {part: read_log(log) for part, log in named.items()}
-    return side_by_side(name, read, "raw", "" if robot is None else robot.name, path)
+    return {part: read_log(log) for part, log in named.items()}
 
 
 def _logs(path: Path) -> list[Path]:
@@ -86,10 +100,8 @@ def _part(log: Path, robot: Robot | None) -> str:
     return max(fitting, key=len)
 
 
-def read_log(path: Path) -> tuple[FloatArray, NDArray[Any], str]:
+def read_log(path: Path) -> PartLog:
     """Times (t,) [s] and values (t, channels) of one log, and what was wrong with its end.
-
-    Lines that came late are put where their time stamp says.
 
     Raises
     ------
@@ -127,10 +139,7 @@ def read_log(path: Path) -> tuple[FloatArray, NDArray[Any], str]:
         done.append(_packed(rows))
     if not times:
         raise DataFormatError("no sample in it", path)
-    stamps = np.array(times)
-    values = np.concatenate(done)
-    order = np.argsort(stamps, kind="stable")
-    return stamps[order], values[order], damage
+    return np.array(times), np.concatenate(done), damage
 
 
 def _numbers(line: bytes) -> NDArray[np.float64] | None:
@@ -167,24 +176,95 @@ def _packed(rows: list[NDArray[np.float64]]) -> NDArray[Any]:
     return values.astype(np.uint8 if whole else np.float32)
 
 
-PartLog = tuple[FloatArray, NDArray[Any], str]  # times, values, and what was wrong with its end
-
-
 def side_by_side(
     name: str, read: dict[str, PartLog], kind: Kind, robot: str, path: Path
 ) -> RecordedStream:
     """All parts at the times of the one with most samples, each holding what it sent last."""
-    start = max(times[0] for times, _, _ in read.values())
-    end = min(times[-1] for times, _, _ in read.values())
-    reference = max((times for times, _, _ in read.values()), key=len)
-    shared = reference[(reference >= start) & (reference <= end)]
-    if len(shared) == 0:
-        raise DataFormatError("its parts were recorded at other times", path)
-    columns = []
-    for times, values, _ in read.values():
-        columns.append(values[np.searchsorted(times, shared, side="right") - 1])
+    start = max(times.min() for times, _, _ in read.values())
+    end = min(times.max() for times, _, _ in read.values())
+    shared, columns = at_shared_times(read, path, start, end)
     rate = measured_rate(shared)
     info = StreamInfo(name, tuple(read), tuple(one.shape[1] for one in columns), rate, kind, robot)
     cut = tuple(damage for _, _, damage in read.values() if damage)
     loss = Loss(True, 1.0 / rate if rate else 0.0, cut) if cut else Loss()
     return RecordedStream(info, shared, np.concatenate(columns, axis=1), loss=loss)
+
+
+def at_shared_times(
+    read: Mapping[str, PartLog],
+    path: Path,
+    start: float = -np.inf,
+    end: float = np.inf,
+    *,
+    kept: Container[str] = (),
+) -> tuple[FloatArray, list[NDArray[Any]]]:
+    """Times (t,) of the part with most samples [s], and the values (t, channels) of each at them.
+
+    Samples that came late are put where their time stamp stands. Times at which a part had been
+    silent for longer than a few of its periods are left out, and named in a warning.
+
+    Parameters
+    ----------
+    read : mapping of str to PartLog
+    path : Path
+    start, end : float
+        Between which times [s].
+    kept : container of str
+        Parts that send when they like: what they sent last stands until the next.
+
+    Raises
+    ------
+    DataFormatError
+        A clock that began anew, or parts that were recorded at other times.
+    """
+    ordered = {part: _ordered(part, one[0], one[1], path) for part, one in read.items()}
+    reference = max((times for times, _ in ordered.values()), key=len)
+    known = (reference >= start) & (reference <= end)
+    held = {part: _held_rows(times, reference) for part, (times, _) in ordered.items()}
+    silences = {part: silent for part, (_, silent) in held.items() if part not in kept}
+    known &= ~np.any(list(silences.values()), axis=0) if silences else True
+    if not known.any():
+        raise DataFormatError("its parts were recorded at other times", path)
+    for part, silent in silences.items():
+        first, last = ordered[part][0][[0, -1]]
+        inside = (reference > first) & (reference < last)
+        if (silent & (inside | (reference < first - APART) | (reference > last + APART))).any():
+            since = reference[np.flatnonzero(silent)[0]] - reference[0]
+            warnings.warn(
+                f"{path.name}: {part!r} sent nothing at {silent.sum()} of {len(silent)} samples, "
+                f"first {since:.2f} s from the begin; they are left out of all parts",
+                SkinWarning,
+                stacklevel=4,
+            )
+    return reference[known], [ordered[part][1][rows[known]] for part, (rows, _) in held.items()]
+
+
+def _ordered(
+    part: str, times: FloatArray, values: NDArray[Any], path: Path
+) -> tuple[FloatArray, NDArray[Any]]:
+    """Samples in the order of their times; a clock that began anew leaves them none."""
+    behind = np.flatnonzero(times < np.maximum.accumulate(times))
+    runs = np.split(behind, np.flatnonzero(np.diff(behind) > 1) + 1)
+    if len(longest := max(runs, key=len)) > LATE:
+        row = int(longest[0])
+        raise DataFormatError(
+            f"the clock of {part!r} began anew: sample {row} is "
+            f"{times[:row].max() - times[row]:.4g} s earlier than one before it",
+            path,
+        )
+    order = np.argsort(times, kind="stable")
+    return times[order], values[order]
+
+
+def _held_rows(times: FloatArray, at: FloatArray) -> tuple[IntArray, NDArray[np.bool_]]:
+    """Rows (k,) of a part that stand at times (k,), and whether it was silent there for long.
+
+    Samples of one time stand one after the other, so that none hides the others.
+    """
+    first, behind = (np.searchsorted(times, at, side=side) for side in ("left", "right"))
+    to_come = np.searchsorted(at, at, side="right") - np.arange(len(at))  # of this time, with it
+    rows = np.where(behind > first, np.maximum(first, behind - to_come), behind - 1).clip(0)
+    steps = np.diff(times)
+    steps = steps[steps > 0]
+    longest = HELD * float(np.percentile(steps, USUAL)) if len(steps) else np.inf
+    return rows, np.abs(at - times[rows]) > longest

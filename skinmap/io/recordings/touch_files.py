@@ -22,6 +22,7 @@ from skinmap.errors import (
 from skinmap.io.mcap.mcap_scan import scan_summary
 from skinmap.io.mcap.reading import Index, read_head, read_track
 from skinmap.io.mcap.writing import McapRecording
+from skinmap.io.recordings.dumper import PartLog, read_dump, read_logs
 from skinmap.io.recordings.mapping import find_mapping, is_own_archive, needed_mapping
 from skinmap.io.recordings.recorded_stream import (
     RecordedStream,
@@ -310,7 +311,9 @@ def readable() -> tuple[str, ...]:
 
 def is_readable(path: Path) -> bool:
     """Whether a file in a folder is a recording: one of ours, or one with a mapping beside it."""
-    return path.suffix.lower() in SUFFIXES or is_foreign(path)
+    from skinmap.io.ros2.bag import is_mapped
+
+    return path.suffix.lower() in SUFFIXES or is_mapped(path) or is_foreign(path)
 
 
 def is_foreign(path: Path) -> bool:
@@ -334,6 +337,11 @@ def read_recordings(path: Path, format: str | None = None) -> list[Recording]:
     UnknownNameError
         A suffix or a format that no reader has.
     """
+    from skinmap.io.ros2.bag import whole
+
+    path = whole(path)
+    if format is None and path.exists() and (track := read_streams(path)) is not None:
+        return recordings_of(warn_of_loss(track, path), path)
     if not is_file(path):
         raise MissingFileError(path, "a recording made by `skinmap simulate` or `skinmap record`")
     mapping = find_mapping(path)
@@ -352,6 +360,43 @@ def read_recordings(path: Path, format: str | None = None) -> list[Recording]:
     return recording_readers.get(said)(path)
 
 
+def part_logs(path: Path) -> dict[str, PartLog] | None:
+    """Each part at its own times, of a bag of ROS 2, XDF or a data dumper; None of other formats.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError, UnknownNameError
+        No such file, no mapping of a bag, or one that does not follow its format.
+    """
+    from skinmap.io.ros2.bag import is_bag, read_bag_parts, whole
+
+    path, suffix = whole(path), path.suffix.lower()
+    if is_bag(path):
+        return read_bag_parts(path)
+    if suffix in (".xdf", ".xdfz"):
+        from skinmap.io.recordings.xdf import read_xdf_parts
+
+        return read_xdf_parts(path)
+    return read_logs(path) if path.is_dir() or suffix == ".log" else None
+
+
+def read_streams(path: Path, robot: Robot | None = None) -> RecordedStream | None:
+    """All parts of such a recording at the same times; None of other formats.
+
+    Arguments and errors as those of `part_logs`, `read_xdf` and `read_dump`.
+    """
+    from skinmap.io.ros2.bag import is_bag, read_bag
+
+    suffix = path.suffix.lower()
+    if is_bag(path):
+        return read_bag(path)
+    if suffix in (".xdf", ".xdfz"):
+        from skinmap.io.recordings.xdf import read_xdf
+
+        return read_xdf(path, robot=robot)
+    return read_dump(path, robot=robot) if path.is_dir() or suffix == ".log" else None
+
+
 def recorded_robot(path: Path) -> str:
     """What `load_robot` loads the robot of a recording by; empty where nothing says.
 
@@ -360,8 +405,13 @@ def recorded_robot(path: Path) -> str:
     MissingFileError, DataFormatError
         No such file, or a damaged one.
     """
+    from skinmap.io.ros2.bag import is_bag, robot_of_bag, whole
+
+    path = whole(path)
+    if is_bag(path):
+        return robot_of_bag(path)
     suffix = path.suffix.lower()
-    mapping = None if suffix == ".mcap" else find_mapping(path)
+    mapping = None if suffix == ".mcap" or path.is_dir() else find_mapping(path)
     if mapping is not None:
         return mapping.robot
     if suffix == ".mcap":

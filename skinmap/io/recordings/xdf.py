@@ -13,16 +13,25 @@ import logging
 import struct
 import warnings
 import zlib
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray
-from skinmap.errors import DataFormatError, UnknownNameError
-from skinmap.io.recordings.recorded_stream import Loss, RecordedStream, StreamInfo, whole_counts
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import DataFormatError, SkinWarning, UnknownNameError
+from skinmap.io.recordings.dumper import PartLog, at_shared_times
+from skinmap.io.recordings.recorded_stream import (
+    Kind,
+    Loss,
+    RecordedStream,
+    StreamInfo,
+    measured_rate,
+    whole_counts,
+)
 from skinmap.io.text import check_file
 from skinmap.skin.robot import Robot
 
@@ -34,6 +43,12 @@ MAX_BYTES = 2 * 2**30  # it is held in memory
 MAX_UNFOLDED = 512 * 2**20  # of a compressed file, which may come from anywhere
 MAX_RATIO = 100  # of a compressed file; recordings of sensors reach 10
 PIECE = 2**20  # unfolded at once
+LOST = 3.0  # usual steps that are a gap and no jitter
+NEAR = 25  # samples on either side that tell whether times stay late
+FAR = 10  # times as many
+PLACES = 200  # at which the scatter of times is looked at
+WILD = 5.0  # times that scatter
+OFF = 0.05  # share by which a real rate differs from one that was only meant
 MAX_CHANNELS = 1_000_000
 # What pyxdf may raise for contents that make no sense.
 DAMAGED = (ValueError, LookupError, TypeError, ArithmeticError, RuntimeError, EOFError,
@@ -64,7 +79,7 @@ def read_xdf(path: Path, *, robot: Robot | None = None) -> RecordedStream:
     -------
     RecordedStream
         Raw values, unless the stream says otherwise, at the times of the stream with most
-        samples; times have the clocks' offsets and their jitter taken out.
+        samples; times have the clocks' offsets and their jitter taken out, between gaps.
 
     Raises
     ------
@@ -73,21 +88,61 @@ def read_xdf(path: Path, *, robot: Robot | None = None) -> RecordedStream:
     UnknownNameError
         No stream that is called like a part of the robot.
     """
+    sound = _sound_chunks(_bytes(path), path)
+    parts, told = _read_parts(sound, robot, path)
+    irregular = [part for part, rate in told.rates.items() if rate == 0]
+    times, columns = at_shared_times(parts, path, kept=irregular)
+    joined = np.concatenate(columns, axis=1)
+    rate = told.rates[max(parts, key=lambda part: len(parts[part][0]))]
+    real = measured_rate(times)
+    return RecordedStream(
+        StreamInfo(
+            path.stem,
+            tuple(parts),
+            tuple(one.shape[1] for one in columns),
+            rate if abs(rate - real) <= OFF * rate else 0.0,
+            told.kind,
+            told.robot,
+            told.fingerprints,
+            clock="lsl",
+        ),
+        times,
+        joined.astype(np.uint8 if whole_counts(joined) else np.float32),
+        loss=Loss(True, 0.0, tuple(sound.damage[:100])) if sound.damage else Loss(),
+    )
+
+
+def read_xdf_parts(path: Path) -> dict[str, PartLog]:
+    """Samples of each part at its own times, in the order of the file; errors as `read_xdf`."""
+    return _read_parts(_sound_chunks(_bytes(path), path), None, path)[0]
+
+
+@dataclass(slots=True)
+class _Told:
+    """What streams say of their parts."""
+
+    kind: Kind
+    robot: str
+    fingerprints: dict[str, str] = field(default_factory=dict)
+    rates: dict[str, float] = field(default_factory=dict)  # nominal [Hz], 0 where there is none
+
+
+def _read_parts(sound: _Sound, robot: Robot | None, path: Path) -> tuple[dict[str, PartLog], _Told]:
     import pyxdf
 
-    sound = _sound_chunks(_bytes(path), path)
-    logger = logging.getLogger("pyxdf")
+    logger = logging.getLogger("pyxdf.pyxdf")
     before, logger.disabled = logger.disabled, True
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            streams, _ = pyxdf.load_xdf(sound.data)
+            # Its own line through all times of a stream would spread a gap over the recording.
+            streams, _ = pyxdf.load_xdf(sound.data, dejitter_timestamps=False)
     except DAMAGED as error:
         raise DataFormatError(f"not XDF that can be read: {error}", path) from error
     finally:
         logger.disabled = before
-    chosen = _parts([one for one in streams if len(one["time_stamps"])], robot, path)
-    return _track(chosen, robot, sound, path)
+    there = [one for one in streams if len(one["time_stamps"])]
+    return _described_parts(there, path) or _named_parts(there, robot, path)
 
 
 def _bytes(path: Path) -> bytes | bytearray:
@@ -202,12 +257,41 @@ def _check_samples(content: bytes, sample_bytes: int) -> None:
         raise ValueError(f"{count} samples do not fill their chunk")
 
 
-def _parts(streams: list[Any], robot: Robot | None, path: Path) -> dict[str, Any]:
-    """Streams by the part that each is of."""
+def _described_parts(streams: list[Any], path: Path) -> tuple[dict[str, PartLog], _Told] | None:
+    """Parts of all streams that describe their skin as the first one does."""
+    parts: dict[str, PartLog] = {}
+    told: _Told | None = None
+    left_out = []
     for stream in streams:
-        if _described(stream) is not None:
-            return {"": stream}
-    named: dict[str, Any] = {}
+        info = _described(stream)
+        if info is None:
+            continue
+        told = told or _Told(info.kind, info.robot)
+        if (info.kind, info.robot) != (told.kind, told.robot) or not parts.keys().isdisjoint(
+            info.parts
+        ):
+            left_out.append(f"{stream['info']['name'][0]} ({info.kind}, {', '.join(info.parts)})")
+            continue
+        times, values = _samples(stream, path)
+        parts |= {part: (times, values[:, info.part_slice(part)], "") for part in info.parts}
+        told.rates |= dict.fromkeys(info.parts, _nominal_rate(stream))
+        told.fingerprints |= info.fingerprints
+    if left_out:
+        warnings.warn(
+            f"{path.name}: streams of another kind or robot, or of the same parts, were left out: "
+            + "; ".join(left_out),
+            SkinWarning,
+            stacklevel=5,
+        )
+    return None if told is None else (parts, told)
+
+
+def _named_parts(
+    streams: list[Any], robot: Robot | None, path: Path
+) -> tuple[dict[str, PartLog], _Told]:
+    """Parts by the names of their streams."""
+    named: dict[str, PartLog] = {}
+    told = _Told("raw", "" if robot is None else robot.name)
     names = [str(one["info"]["name"][0]) for one in streams]
     for name, stream in zip(names, streams, strict=True):
         part: str | None = name
@@ -217,13 +301,14 @@ def _parts(streams: list[Any], robot: Robot | None, path: Path) -> dict[str, Any
             continue
         if part in named:
             raise DataFormatError(f"two streams of {part!r}", path)
-        named[part] = stream
+        named[part] = (*_samples(stream, path), "")
+        told.rates[part] = _nominal_rate(stream)
     if not named and robot is not None and names:
         raise UnknownNameError(f"part of {robot.name} among the streams", ", ".join(names),
                                robot.parts)  # fmt: skip
     if not named:
         raise DataFormatError("no stream of numbers in it", path)
-    return named
+    return named, told
 
 
 def _described(stream: Any) -> StreamInfo | None:
@@ -245,32 +330,50 @@ def _described(stream: Any) -> StreamInfo | None:
     return StreamInfo("", parts, widths, 0.0, kind, robot, known)
 
 
-def _track(
-    chosen: dict[str, Any], robot: Robot | None, sound: _Sound, path: Path
-) -> RecordedStream:
-    longest = max(chosen.values(), key=lambda one: len(one["time_stamps"]))
-    times = np.sort(np.asarray(longest["time_stamps"], np.float64), kind="stable")
-    columns = [_held(stream, times, part, path) for part, stream in chosen.items()]
-    joined = np.concatenate(columns, axis=1)
-    rate = float(longest["info"]["nominal_srate"][0])
-    told = _described(longest) if len(chosen) == 1 else None
-    if told is None:
-        name = "" if robot is None else robot.name
-        told = StreamInfo("", tuple(chosen), tuple(c.shape[1] for c in columns), 0.0, "raw", name)
-    rate = max(rate, 0.0) if np.isfinite(rate) else 0.0
-    return RecordedStream(
-        replace(told, name=path.stem, rate=rate, clock="lsl"),
-        times,
-        joined.astype(np.uint8 if whole_counts(joined) else np.float32),
-        loss=Loss(True, 0.0, tuple(sound.damage[:100])) if sound.damage else Loss(),
-    )
+def _nominal_rate(stream: Any) -> float:
+    rate = float(stream["info"]["nominal_srate"][0])
+    return max(rate, 0.0) if np.isfinite(rate) else 0.0
 
 
-def _held(stream: Any, times: FloatArray, part: str, path: Path) -> NDArray[Any]:
-    """Values (t, channels) at other times: what was sent last, the first sample before that."""
-    stamps = np.asarray(stream["time_stamps"], np.float64)
-    if not np.isfinite(stamps).all():
-        raise DataFormatError(f"stream of {part!r} has invalid times", path)
-    order = np.argsort(stamps, kind="stable")
-    rows = np.searchsorted(stamps[order], times, side="right") - 1
-    return np.asarray(stream["time_series"])[order][rows.clip(0)]
+def _samples(stream: Any, path: Path) -> tuple[FloatArray, NDArray[Any]]:
+    """Times (t,) without their jitter [s], and values (t, channels)."""
+    times = np.asarray(stream["time_stamps"], np.float64)
+    if not np.isfinite(times).all():
+        raise DataFormatError(f"stream of {stream['info']['name'][0]!r} has invalid times", path)
+    try:  # as cameras do: pyxdf leaves their times, too
+        drops = stream["info"]["desc"][0]["synchronization"][0]["can_drop_samples"][0]
+    except (LookupError, TypeError):
+        drops = ""
+    if _nominal_rate(stream) > 0 and str(drops).lower() != "true":
+        bounds = [0, *_breaks(times).tolist(), len(times)]
+        for first, after in pairwise(bounds):
+            rows = np.arange(first, after)[:, None]  # as pyxdf itself does
+            line = np.linalg.lstsq(np.hstack([np.ones_like(rows), rows]), times[rows], rcond=-1)[0]
+            times[rows] = line[0] + line[1] * rows
+    return times, np.asarray(stream["time_series"])
+
+
+def _breaks(times: FloatArray) -> IntArray:
+    """Rows from which times stay later, or earlier, than those before them went on.
+
+    A burst makes up for the pause before it, a loss of samples does not.
+    """
+    count = len(times)
+    near = min(NEAR, count // 10)
+    if near < 2:
+        return np.zeros(0, np.int64)
+    step = float(np.median(times[near:] - times[:-near])) / near
+    steps = np.diff(times)
+    found = np.flatnonzero((steps > LOST * step) | (steps < -step)) + 1
+    lags = times - step * np.arange(count)
+    for wide in (near, min(FAR * near, count // 4)):  # the wide one sees beyond a burst
+        some = np.linspace(near, count - near, PLACES).astype(int)
+        usual = float(np.median(np.abs(_jumps(lags, some, wide))))
+        found = found[np.abs(_jumps(lags, found, wide)) > max(LOST * step, WILD * usual)]
+    return found
+
+
+def _jumps(lags: FloatArray, rows: IntArray, wide: int) -> FloatArray:
+    """How much later the rows from each on are than those before it [s]."""
+    sides = [(lags[row : row + wide], lags[max(row - wide, 0) : row]) for row in rows]
+    return np.array([np.median(after) - np.median(before) for after, before in sides])

@@ -5,6 +5,9 @@ The mapping of `run1` (a folder), `run1.mcap` or `run1.db3` is `run1.map.toml` b
 
 from __future__ import annotations
 
+import warnings
+from collections import Counter
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -14,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError
+from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
 from skinmap.io.mcap.writing import McapRecording
-from skinmap.io.recordings.dumper import side_by_side
+from skinmap.io.recordings.dumper import PartLog, side_by_side
 from skinmap.io.recordings.recorded_stream import (
     Kind,
     RecordedStream,
@@ -31,6 +34,7 @@ from skinmap.validation import checked, toml_table
 
 MAPPING = ".map.toml"
 METADATA = "metadata.yaml"
+FILE = "recording.mcap"  # of a bag of ours
 SUFFIXES = (".db3", ".mcap")
 MAX_CHANNELS = 1_000_000
 # Types of one value a pixel, by the encodings of `sensor_msgs/Image` (with their channels).
@@ -70,8 +74,44 @@ def mapping_of(bag: Path) -> Path:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path looks like a bag of ROS 2: a folder with its metadata, or SQLite."""
-    return (path / METADATA).is_file() or path.suffix.lower() == ".db3"
+    """Whether a path looks like a bag of ROS 2 of others.
+
+    That is a folder with its metadata, SQLite, or an MCAP file with a mapping file beside it.
+    """
+    suffix = path.suffix.lower()
+    mapped = suffix == ".mcap" and mapping_of(path).is_file()
+    return mapped or suffix == ".db3" or ((path / METADATA).is_file() and whole(path) == path)
+
+
+def is_mapped(path: Path) -> bool:
+    """Whether a path is a bag that can be read: one with its mapping file, or our own export."""
+    return whole(path) != path or (is_bag(path) and mapping_of(path).is_file())
+
+
+def whole(path: Path) -> Path:
+    """The MCAP file of a bag of `write_rosbag2`, which needs no mapping; other paths unchanged."""
+    own = path / FILE
+    bare = (path / METADATA).is_file() and own.is_file() and not mapping_of(path).is_file()
+    return own if bare else path
+
+
+def recordings_under(folder: Path) -> list[Path]:
+    """Files of a folder and of its folders, by their names; a bag counts as one, without its files.
+
+    Bags without a mapping file are left out with a warning.
+    """
+    bags = {one.parent for one in folder.rglob(METADATA)} - {folder}
+    files = [one for one in folder.rglob("*") if one.is_file() and bags.isdisjoint(one.parents)]
+    several = sorted([*bags, *files])
+    bare = [one for one in several if (one in bags or is_bag(one)) and not is_mapped(one)]
+    if bare:
+        warnings.warn(
+            f"left out: {', '.join(str(one) for one in bare[:3])}{' ...' * (len(bare) > 3)}: bags "
+            f"without a mapping file beside them, as {mapping_of(bare[0]).name}",
+            SkinWarning,
+            stacklevel=3,
+        )
+    return [one for one in several if one not in bare]
 
 
 def read_bag(bag: Path) -> RecordedStream:
@@ -96,9 +136,22 @@ def read_bag(bag: Path) -> RecordedStream:
         A topic or field that the bag has not (lists those that exist).
     """
     mapping = read_bag_mapping(mapping_of(bag))
-    read = _read_topics(bag, mapping)
-    parts = {one.name: (*read[one.name], "") for one in mapping.part}
-    return side_by_side(bag.name, parts, mapping.kind, mapping.robot, bag)
+    track = side_by_side(bag.name, _read_topics(bag, mapping), mapping.kind, "", bag)
+    robot = robot_of_bag(bag)
+    name = load_robot(robot).name if robot and not robot.endswith(".toml") else ""
+    return replace(track, info=replace(track.info, robot=name), manifest=robot)
+
+
+def robot_of_bag(bag: Path) -> str:
+    """What `load_robot` loads the robot of a bag by; a manifest's path begins at the mapping."""
+    path = mapping_of(bag)
+    said = read_bag_mapping(path).robot
+    return str((path.parent / said).resolve()) if said.endswith(".toml") else said
+
+
+def read_bag_parts(bag: Path) -> dict[str, PartLog]:
+    """The samples of each part at its own times, in the order of the log; errors as `read_bag`."""
+    return _read_topics(bag, read_bag_mapping(mapping_of(bag)))
 
 
 def read_bag_mapping(path: Path) -> _Mapping:
@@ -125,20 +178,26 @@ def read_bag_mapping(path: Path) -> _Mapping:
             raise DataFormatError(f"{one.name!r}: scale and offset must be finite", path)
         if one.channels is not None and not 0 < len(one.channels) <= MAX_CHANNELS:
             raise DataFormatError(f"{one.name!r}: {len(one.channels)} channels", path)
+        if one.channels is not None and len(set(one.channels)) < len(one.channels):
+            raise DataFormatError(f"{one.name!r}: a channel given twice", path)
     return mapping
 
 
-Sampled = tuple[FloatArray, NDArray[Any]]
+@dataclass(slots=True)
+class _Messages:
+    """What a topic brought for a part: times of headers (0 without) and log [ns], and values."""
+
+    said: list[int] = field(default_factory=list)
+    log: list[int] = field(default_factory=list)
+    widths: list[int] = field(default_factory=list)  # before channels are chosen
+    rows: list[NDArray[Any]] = field(default_factory=list)
 
 
-def _read_topics(bag: Path, mapping: _Mapping) -> dict[str, Sampled]:
-    """Times (t,) [s] and values (t, channels) by part."""
+def _read_topics(bag: Path, mapping: _Mapping) -> dict[str, PartLog]:
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    found: dict[str, tuple[list[int], list[NDArray[Any]]]] = {
-        one.name: ([], []) for one in mapping.part
-    }
+    found = {one.name: _Messages() for one in mapping.part}
     try:
         # Bags of before 2023 hold no definitions: those of Humble are the standard ones.
         humble = get_typestore(Stores.ROS2_HUMBLE)
@@ -151,45 +210,39 @@ def _read_topics(bag: Path, mapping: _Mapping) -> dict[str, Sampled]:
             chosen = [one for one in reader.connections if one.topic in wanted]
             for connection, stamp, data in reader.messages(chosen):
                 message = reader.deserialize(data, connection.msgtype)
+                head = getattr(message, "header", None)
                 for one in mapping.part:
                     if one.topic == connection.topic:
-                        stamps, rows = found[one.name]
-                        stamps.append(_stamp(message, stamp, mapping.time))
-                        rows.append(_row(message, one, bag))
+                        own, values = found[one.name], _values(message, one, bag)
+                        own.said.append(0 if head is None else nanoseconds_of(head))
+                        own.log.append(stamp)
+                        own.widths.append(len(values))
+                        own.rows.append(_chosen(values, one))
     except (UnknownNameError, DataFormatError):
         raise
     except Exception as error:  # rosbags, SQLite and decompressors raise their own kinds
         raise DataFormatError(f"not a bag that rosbags reads: {error}", bag) from error
-    return {part: _stacked(part, *one, bag) for part, one in found.items()}
+    return {one.name: _stacked(one, found[one.name], mapping.time, bag) for one in mapping.part}
 
 
-def _stamp(message: Any, log: int, time: str) -> int:
-    """Time of a message [ns]: that of its header where it has one that is set."""
-    header = getattr(message, "header", None)
-    if time == "log" or header is None:
-        return log
-    return nanoseconds_of(header) or log
-
-
-def _row(message: Any, one: _Topic, bag: Path) -> NDArray[Any]:
-    """The values (n,) of one message."""
+def _values(message: Any, one: _Topic, bag: Path) -> NDArray[Any]:
+    """All values (n,) of one message."""
     kind = str(message.__msgtype__)
     if kind == "sensor_msgs/msg/PointCloud2":
-        values = _cloud_row(message, one, bag)
-    elif kind == "sensor_msgs/msg/Image":
-        values = _image_row(message, one, bag)
-    elif kind.endswith("MultiArray"):
-        values = np.asarray(message.data)
-    else:
-        raise DataFormatError(
-            f"{one.topic} holds {kind}; PointCloud2, Image and MultiArray are read", bag
-        )
+        return _cloud_row(message, one, bag)
+    if kind == "sensor_msgs/msg/Image":
+        return _image_row(message, one, bag)
+    if kind.endswith("MultiArray"):
+        return np.asarray(message.data)[int(message.layout.data_offset) :]
+    raise DataFormatError(
+        f"{one.topic} holds {kind}; PointCloud2, Image and MultiArray are read", bag
+    )
+
+
+def _chosen(values: NDArray[Any], one: _Topic) -> NDArray[Any]:
+    """The channels (k,) of a part, scaled; none where the message is too short."""
     if one.channels is not None:
-        if max(one.channels) >= len(values):
-            raise DataFormatError(
-                f"channel {max(one.channels)} of {one.topic}, it has {len(values)}", bag
-            )
-        values = values[one.channels]
+        values = values[one.channels if max(one.channels) < len(values) else []]
     if (one.scale, one.offset) != (1.0, 0.0):
         values = values * one.scale + one.offset
     return values if values.dtype == np.uint8 else values.astype(np.float32)
@@ -222,20 +275,55 @@ def _image_row(message: Any, one: _Topic, bag: Path) -> NDArray[Any]:
     return np.asarray(pixels[:, which])
 
 
-def _stacked(part: str, stamps: list[int], rows: list[NDArray[Any]], bag: Path) -> Sampled:
-    if not rows:
+def _stacked(one: _Topic, found: _Messages, clock: str, bag: Path) -> PartLog:
+    """Samples of a part in the order of the log; messages that are none are left out and named."""
+    part = one.name
+    if not found.rows:
         raise DataFormatError(f"no message of {part!r}", bag)
-    widths = sorted({len(row) for row in rows})
-    if len(widths) > 1 or not 0 < widths[0] <= MAX_CHANNELS:
-        raise DataFormatError(f"samples of {part!r} have {widths} values", bag)
-    order = np.argsort(stamps, kind="stable")
-    values = np.array(rows)[order]
-    if not np.isfinite(values).all():
+    width, count = Counter(found.widths).most_common(1)[0]
+    if 2 * count <= len(found.widths) or not 0 < width <= MAX_CHANNELS:
+        raise DataFormatError(f"samples of {part!r} have {sorted(set(found.widths))} values", bag)
+    if one.channels is not None and max(one.channels) >= width:
+        raise DataFormatError(f"channel {max(one.channels)} of {one.topic}, it has {width}", bag)
+    sound = np.array(found.widths) == width
+    values = np.array([row for row, fits in zip(found.rows, sound, strict=True) if fits])
+    finite = np.isfinite(values).all(axis=1)
+    if not finite.any():
         raise DataFormatError(f"samples of {part!r} hold NaN or infinity", bag)
-    return seconds_of(np.array(stamps, np.uint64)[order]), values
+    sound[sound] = finite
+    stamps = _stamps(part, found, clock, bag)
+    if not sound.all():
+        first = int(np.flatnonzero(~sound)[0])
+        warnings.warn(
+            f"{bag.name}: {(~sound).sum()} of {len(sound)} messages of {part!r} hold NaN, infinity "
+            f"or another number of values and were left out, first message {first}, "
+            f"{stamps[first] - stamps[0]:.2f} s from the begin",
+            SkinWarning,
+            stacklevel=5,
+        )
+    return stamps[sound], values[finite], ""
 
 
-FILE = "recording.mcap"
+def _stamps(part: str, found: _Messages, clock: str, bag: Path) -> FloatArray:
+    """Times (t,) [s] of all messages by one clock: their headers' where all are set, or the log's.
+
+    A log's own times may be those of another clock, so that none stands among a header's.
+    """
+    said, log = np.array(found.said), np.array(found.log)
+    if log.min() < 0:
+        raise DataFormatError(f"messages of {part!r} from before 1970", bag)
+    if clock == "log" or not said.any():
+        return seconds_of(log.astype(np.uint64))
+    unset = int((said <= 0).sum())
+    if not unset and (len(said) == 1 or said.min() < said.max()):
+        return seconds_of(said.astype(np.uint64))
+    wrong = f"{unset} of {len(said)} are not set" if unset else "all are the same"
+    warnings.warn(
+        f"{bag.name}: the headers of {part!r} give no times ({wrong}): those of the log are taken",
+        SkinWarning,
+        stacklevel=6,
+    )
+    return seconds_of(log.astype(np.uint64))
 
 
 def write_rosbag2(track: RecordedStream, folder: Path) -> None:

@@ -16,8 +16,8 @@ from skinmap.io.recordings.recorded_stream import (
     Samples,
     warn_of_loss,
 )
-from skinmap.io.recordings.touch_files import FOREIGN
-from skinmap.io.ros2.bag import is_bag, mapping_of, read_bag
+from skinmap.io.recordings.touch_files import FOREIGN, read_streams
+from skinmap.io.ros2.bag import whole
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import check_skin, describe_skins
 from skinmap.skin.robot import Robot
@@ -134,9 +134,10 @@ def open_track(
     """
     if not path.exists():
         raise MissingFileError(path, f"a recording: {', '.join(FORMATS)}")
+    path = whole(path)
+    if (streams := read_streams(path, robot)) is not None:
+        return streams
     suffix = path.suffix.lower()
-    if is_bag(path) or (suffix == ".mcap" and mapping_of(path).is_file()):
-        return read_bag(path)
     if suffix == ".mcap":
         from skinmap.io.mcap.reading import read_track
 
@@ -148,14 +149,6 @@ def open_track(
             return own
         found = read_recordings(path)
         return track_of([one for one in found if one.part in (parts or ())] or found, path)
-    if path.is_dir() or suffix == ".log":
-        from skinmap.io.recordings.dumper import read_dump
-
-        return read_dump(path, robot=robot)
-    if suffix in (".xdf", ".xdfz"):
-        from skinmap.io.recordings.xdf import read_xdf
-
-        return read_xdf(path, robot=robot)
     check_kind(path, "a recording", *FOREIGN)
     raise UnknownNameError("reader of recordings for", path.name, FORMATS)
 
