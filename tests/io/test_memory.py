@@ -58,7 +58,7 @@ def test_large_tables_take_less_than_200_mb(tmp_path, format):
 
 
 @pytest.mark.parametrize(
-    "kind", ["touches", "numbers", "module-layout-csv", "places", "batch", "anchor-table"]
+    "kind", ["touches", "numbers", "module-layout-csv", "places", "batch", "anchors"]
 )
 def test_large_tables_of_other_readers_take_no_more(kind):
     """A fifth of the size and of the memory; words of all rows together took twice as much."""
