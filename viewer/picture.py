@@ -20,7 +20,7 @@ import numpy as np
 
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinError, UnknownNameError
 from skinmap.flat.flat_map import FlatMap
-from skinmap.io.robots.manifest import load_robot
+from skinmap.io.robots.manifest import builtin_robots, load_robot
 from skinmap.io.robots.urdf import Link, UrdfBody
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
@@ -199,8 +199,9 @@ def show_in_cell(
     Parameters
     ----------
     thing : Skin, FlatMap, Robot, str or path
-        A skin or a flat map alone; a robot at rest; a recording's file, which is played in the
-        cell; or a source ("sim", "lsl:NAME", "zmq:HOST:PORT"), whose next seconds are.
+        A skin or a flat map alone; a robot, its name or its manifest, at rest; a recording's file,
+        which is played in the cell; or a source ("sim", "lsl:NAME", "zmq:HOST:PORT"), whose next
+        seconds are.
     robot : Robot or str
         Whose touches a recording or a source has.
     parts : iterable of str, optional
@@ -215,6 +216,8 @@ def show_in_cell(
         return _resting(*alone(PreparedSkin(thing)))
     if isinstance(thing, FlatMap):
         return _resting(*alone(PreparedSkin.of(thing.mesh, thing)), "distortion")
+    if str(thing) in builtin_robots() or Path(str(thing)).suffix == ".toml":
+        thing = load_robot(thing)
     if isinstance(thing, Robot):
         return _resting(thing, {p: PreparedSkin(thing.skin(p)) for p in parts or thing.parts})
     if not isinstance(thing, str | Path):

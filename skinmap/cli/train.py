@@ -211,7 +211,7 @@ def command(as_json: bool, **asked: Any) -> None:
     held out; recorded parts that are not trained on are a second test. Where a label has few
     touches, five for one, the model learns from all and each is tested by a model without it.
 
-    A profile sets radius_mm, words, rotations, distance, search, precision and image_size, too. The
+    A profile sets radius_mm, words, rotations, distance and image_size, too. The
     model keeps all settings; those that do not concern the classifier are refused.
 
     \b

@@ -82,6 +82,10 @@ def test_a_source_is_watched_and_played_in_a_cell(icub, opengl):
     assert made.still.startswith(b"\x89PNG")
 
 
+def test_a_robot_is_shown_by_its_name(opengl):
+    assert show("kaspar", parts=["torso"]).still.startswith(b"\x89PNG")
+
+
 def test_what_cannot_be_shown_is_said():
     with pytest.raises(UnknownNameError, match="thing to show of type 'int'"):
         show(3)
