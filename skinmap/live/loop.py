@@ -153,7 +153,9 @@ class TouchLoop(Summary):
         self._skin = JoinedSkin(self.skins)
         self._gather = gather(info, self.skins)
         self._all = np.array_equal(self._gather, np.arange(info.channels))
-        self._checks = SampleChecks(info, self.counts, seekable=self.source.seekable)
+        self._checks = SampleChecks(
+            info, self.counts, seekable=self.source.seekable, taxels=self._gather
+        )
         self._responses = Responses(self._skin, info, responses)
         self._loads = self._load_forces(calibrations or {})
         self._gate = RestGate(self._skin, info.rate)
@@ -169,7 +171,7 @@ class TouchLoop(Summary):
         self._runs: deque[tuple[bool, FloatArray, NDArray[Any]]] = deque()
         zeros = np.zeros(len(self._skin))
         self._last: tuple[float, FloatArray, NDArray[Any]] = (float("nan"), zeros, zeros)
-        self._states: tuple[tuple[int, int], dict[str, NDArray[Any]]] = ((-1, -1), {})
+        self._states: tuple[tuple[int, ...], dict[str, NDArray[Any]]] = ((), {})
         self._stuck = self._gate.rest.stuck
         self.naming = True
         self.moment: Moment | None = None
@@ -302,20 +304,21 @@ class TouchLoop(Summary):
 
     def states(self) -> Mapping[str, NDArray[np.str_]]:
         """State (n,) of the taxels of each part, see `Moment.states`; not to be changed."""
-        changes = self._gate.changes, self._responses.changes
+        changes = self._gate.changes, self._responses.changes, self._checks.unheard
         if changes != self._states[0]:
             words = np.full(len(self._skin), "ok", "<U7")
             for found in (self._gate.states(), self._responses.states()):
                 for state, rows in found.items():
                     words[rows] = state
+            words[self._checks.silent[self._gather]] = "unheard"
             self._states = changes, self._skin.split(words)
         return self._states[1]
 
     def health(self) -> dict[str, dict[str, list[int]]]:
         """Channels that are `stuck`, `noisy`, `dead` or `unheard`, by part.
 
-        Parts without any are left out. A channel is unheard until it was first seen at rest: what
-        it sends before is not a touch.
+        Parts without any are left out. A channel is unheard until it first sent a number and was
+        seen at rest: what it sends before is not a touch.
         """
         found = {}
         for part, words in self.states().items():

@@ -4,6 +4,7 @@ import gc
 import threading
 import time
 import tracemalloc
+import warnings
 
 import numpy as np
 import pytest
@@ -120,6 +121,41 @@ def test_a_first_sample_that_is_not_finite_reads_as_zero(icub, prepared, bad):
     counts, (moment,) = counts_of(icub, prepared, [block([0.0], values)])
     assert counts["nan"] == 1
     assert not moment.pressures[PART].any()
+
+
+@pytest.mark.parametrize(
+    ("scale", "width", "step", "match"),
+    [
+        (1 / 255, N, 0.02, "values up to 0.588, like shares of 1"),
+        (-1.0, N, 0.02, "values down to -150: turn their sign"),
+        (1.0, N - 1, 0.02, "47 values a sample, not 48: none is used"),
+        (1.0, N, 20.0, "look like milliseconds"),
+        (1.0, N, 2e7, "look like nanoseconds"),
+        (1.0, N, 0.02, None),
+        (0.01, N, 0.02, None),  # noise at rest alone, and a weak touch
+    ],
+)
+def test_values_and_times_of_another_kind_are_named_once(icub, prepared, scale, width, step, match):
+    values = np.clip(np.random.default_rng(0).normal(0, 0.8, (200, width)), 0, None)
+    values[120:160, 10:14] = 150.0
+    values[:, 12:] *= 100.0 if scale == 0.01 else 1.0
+    values *= scale
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        counts_of(icub, prepared, [
+            block(step * np.arange(k, k + 5), values[k : k + 5]) for k in range(0, 200, 5)
+        ])  # fmt: skip
+    assert [match in str(one.message) for one in caught] == [True] * (match is not None)
+
+
+def test_channels_that_never_sent_a_number_are_unheard_and_named(icub, prepared):
+    values = np.zeros((150, N), np.float32)
+    values[:, [3, 7]] = np.nan
+    loop = TouchLoop(icub, Planted([block(np.arange(150) / RATE, values)]), parts=[PART])
+    with pytest.warns(SkinWarning, match="no number on 2 of 48 channels so far, 3 the first"):
+        list(loop)
+    channels = prepared(PART).skin.channels[[3, 7]].tolist()
+    assert loop.health()[PART]["unheard"] == channels
 
 
 def test_live_vectors_give_the_same_as_dense_rows(icub, prepared, rng):

@@ -30,9 +30,9 @@ class Health:
     noisy
         They must be pressed hard to be believed.
     dead
-        They feel nothing, by their response calibration.
+        They feel nothing: by their response calibration, or while all beside them are pressed.
     unheard
-        They were not seen at rest yet.
+        They sent no number, or were not seen at rest yet.
     """
 
     stuck: list[int]
