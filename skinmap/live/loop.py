@@ -358,9 +358,9 @@ class TouchLoop(Summary):
         return describe_skins(info.name, self.robot.name, skins, info.rate, "pressure", info.clock)
 
     def finish(self) -> None:
-        """End the touches that last: nothing more will be asked."""
+        """End the touches that last, as `unfinished`: nothing more will be asked."""
         self._tracker.forget()
-        self._book.forget()
+        self._book.forget(cut=True)
 
     def close(self) -> None:
         """Close the source; may be called twice."""

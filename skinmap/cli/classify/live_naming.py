@@ -251,14 +251,14 @@ def _shown(touch: TouchEvent) -> tuple[str, float]:
 
 
 def motion_words(touch: TouchEvent) -> str:
-    """Where it went and how fast, or how often it was pressed; nothing of what stayed."""
+    """Where it went and how fast, how often it was pressed, and whether it was cut off."""
     said = ""
     stays = touch.motion is not None and touch.motion.answer == "still"
     if touch.heading != "still" and not stays:
         said += f"  {touch.heading}, {touch.speed * MM:.0f} mm/s"
     if touch.presses > 1:
         said += f"  {touch.presses} times, {1.0 / touch.period:.1f} a second"
-    return said
+    return said + "  still touched" * touch.unfinished
 
 
 def _passed(run: _Run, started: float) -> float:
