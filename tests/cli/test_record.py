@@ -137,7 +137,7 @@ def test_touches_that_nobody_could_name_are_not_marked():
             channels=(7,),
             answers=None,
             unfinished=False,
-        )  # fmt: skip
+        )
         for row, name in enumerate(names)
     ]
     loop = SimpleNamespace(finished=lambda: over, withdrawn=lambda: [object()])
