@@ -171,6 +171,9 @@ class TouchLoop(Summary):
         self._runs: deque[tuple[bool, FloatArray, NDArray[Any]]] = deque()
         zeros = np.zeros(len(self._skin))
         self._last: tuple[float, FloatArray, NDArray[Any]] = (float("nan"), zeros, zeros)
+        self._block: tuple[FloatArray, NDArray[Any], NDArray[Any]] = (
+            np.zeros(0), zeros[None][:0], zeros[None][:0],
+        )  # fmt: skip
         self._states: tuple[tuple[int, ...], dict[str, NDArray[Any]]] = ((), {})
         self._stuck = self._gate.rest.stuck
         self.naming = True
@@ -410,6 +413,7 @@ class TouchLoop(Summary):
             self._book.withdraw(self._stuck)
         self.counts.used += len(times)
         self._last = (float(times[-1]), pressures[-1], dense[-1])
+        self._block = (times, pressures, dense)
 
     def _load_forces(self, calibrations: Mapping[str, LoadCalibration]) -> dict[str, PartLoads]:
         if not calibrations:
@@ -452,6 +456,8 @@ class TouchLoop(Summary):
 
     def _show(self, *, stale: bool = False) -> Moment:
         now, pressures, raw = self._last
+        times, every, samples = self._block
+        slices = self._skin.slices.items()
         touches, contacts = self._book.show(self._tracker.tracks)
         if self._loads:
             touches, contacts = self._weighed(touches), self._weighed(contacts)
@@ -469,6 +475,11 @@ class TouchLoop(Summary):
             contacts=contacts,
             states=self.states(),
             skins=self.skins,
+            block=(
+                times,
+                {part: every[:, rows] for part, rows in slices},
+                {part: samples[:, rows] for part, rows in slices if self.info.kind == "raw"},
+            ),
         )
 
     def _tell(self, moment: Moment) -> Moment:

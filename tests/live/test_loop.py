@@ -5,6 +5,7 @@ import threading
 import time
 import tracemalloc
 import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -18,6 +19,7 @@ from skinmap.errors import (
 )
 from skinmap.live import namer
 from skinmap.live.loop import TouchLoop
+from skinmap.live.publishing.publish import Publisher
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
 from skinmap.recognition.classifier import classifiers
@@ -344,6 +346,24 @@ def test_subscribers_get_every_moment_and_cannot_stop_the_loop(icub, prepared, c
     assert heard == [0.0, -0.0, 0.02, -0.02]
     assert loop.counts.failed == 2
     assert "a subscriber failed" in caplog.text
+
+
+def test_a_publisher_sends_every_sample_of_a_step(icub, prepared):
+    values = np.random.default_rng(0).uniform(0, 200, (100, N)).astype(np.float32)
+    source = Planted([block(np.arange(100) / RATE, values)])
+    source.speed = 1.0
+    loop = TouchLoop(icub, source, skins={PART: prepared(PART)})
+    sent = []
+    publisher = SimpleNamespace(
+        stale=False, topics=("pressure",), info=loop.dense_info(), _contacts=(), _labels=()
+    )
+    publisher._rows = lambda values: Publisher._rows(publisher, values)
+    publisher.send_samples = lambda topic, times, rows: sent.append((topic, times, rows))
+    loop.subscribe(lambda moment: Publisher.send(publisher, moment))
+    assert len(list(loop)) == 2  # steps of at most 64 samples
+    times, rows = (np.concatenate([one[k] for one in sent]) for k in (1, 2))
+    np.testing.assert_allclose(times, np.arange(100) / RATE)
+    np.testing.assert_allclose(rows, values)
 
 
 def test_seek_begins_anew(icub, prepared):
