@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from typing import Generic, TypeVar, cast
 
-from skinmap.errors import UnknownNameError
+from skinmap.errors import BrokenPluginError, UnknownNameError
 
 T = TypeVar("T")
 logger = logging.getLogger(__name__)
@@ -42,6 +42,7 @@ class Registry(Generic[T]):
         self._adapt = adapt
         self._own: dict[str, T] = {}
         self._plugins: dict[str, T] | None = None
+        self._broken: dict[str, str] = {}  # why those plug-ins do not load
 
     def register(self, name: str) -> Callable[[T], T]:
         """Decorator that registers a built-in thing under a name."""
@@ -63,6 +64,8 @@ class Registry(Generic[T]):
         ------
         UnknownNameError
             If nothing has that name (lists the names).
+        BrokenPluginError
+            A plug-in that does not load, and why.
         """
         if name in self._own:
             return self._own[name]
@@ -71,6 +74,8 @@ class Registry(Generic[T]):
             return self._own.setdefault(name, cast("T", thing))
         if name in self._loaded():
             return self._loaded()[name]
+        if name in self._broken:
+            raise BrokenPluginError(f"plug-in {name!r} does not load: {self._broken[name]}")
         raise UnknownNameError(self.kind, name, self.names())
 
     def _loaded(self) -> dict[str, T]:
@@ -81,8 +86,12 @@ class Registry(Generic[T]):
                     thing = point.load()
                     self._plugins[point.name] = self._adapted(point.name, thing)
                 # Another distribution's fault must not take ours down, nor end the program.
-                except (Exception, SystemExit):
-                    logger.exception("plug-in %s of %s does not load", point.name, self.group)
+                except (Exception, SystemExit) as error:  # noqa: BLE001 - named in a line
+                    self._broken[point.name] = f"{type(error).__name__}: {error}"
+                    logger.error(
+                        "plug-in %s of %s does not load (%s)",
+                        point.name, self.group, self._broken[point.name],
+                    )  # fmt: skip
         return self._plugins
 
     def _adapted(self, name: str, thing: object) -> T:

@@ -10,7 +10,7 @@ from types import ModuleType
 import pytest
 
 from skinmap import registry
-from skinmap.errors import UnknownNameError
+from skinmap.errors import BrokenPluginError, UnknownNameError
 from skinmap.registry import Registry
 
 LAZY = {"colours": "colorsys:rgb_to_hsv", "gone": "no_such_module:thing"}
@@ -59,3 +59,7 @@ def test_registered_and_plugged_in_things_stand_beside_built_in_ones(monkeypatch
         UnknownNameError, match="no thing 'x'; the things are: colours, gone, own, half"
     ):
         things.get("x")
+    assert len(caplog.records) == 2
+    assert not any(one.exc_info for one in caplog.records)  # a line each
+    with pytest.raises(BrokenPluginError, match="'broken' does not load: ModuleNotFoundError"):
+        things.get("broken")

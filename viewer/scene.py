@@ -230,7 +230,7 @@ class Scene:
             self.layers[part].set_pressures(pressures)
         self.moment, self.touches = moment, self._touches(touches)
         if self.player is None and np.isfinite(moment.time) and not moment.stale:
-            self.past.add(replace(moment, pressures=felt, raw={}))
+            self.past.add(replace(moment, pressures=felt, raw={}, block=None))
         self.canvas.status.take(moment)
         self.canvas.changed = True
 

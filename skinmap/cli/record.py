@@ -316,13 +316,13 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
 
 
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
-    """Mark the touches that are over; one without a name is nothing to train on."""
+    """Mark the touches that are over; one without a name, or cut off, is nothing to train on."""
     from skinmap.recognition.answers import answers_object
     from skinmap.touch.touch_labels import RESERVED
 
     shown.withdrawn += len(loop.withdrawn())
     for event in loop.finished():
-        if event.label not in RESERVED:
+        if event.label not in RESERVED and not event.unfinished:
             recorder.mark(
                 event.part,
                 event.identity,

@@ -150,7 +150,9 @@ class TouchLoop(Summary):
         self._skin = JoinedSkin(self.skins)
         self._gather = gather(info, self.skins)
         self._all = np.array_equal(self._gather, np.arange(info.channels))
-        self._checks = SampleChecks(info, self.counts, seekable=self.source.seekable)
+        self._checks = SampleChecks(
+            info, self.counts, seekable=self.source.seekable, taxels=self._gather
+        )
         self._responses = Responses(self._skin, info, responses)
         self._loads = self._load_forces(calibrations or {})
         self._gate = RestGate(self._skin, info.rate)
@@ -166,7 +168,10 @@ class TouchLoop(Summary):
         self._runs: deque[tuple[bool, FloatArray, NDArray[Any]]] = deque()
         zeros = np.zeros(len(self._skin))
         self._last: tuple[float, FloatArray, NDArray[Any]] = (float("nan"), zeros, zeros)
-        self._states: tuple[tuple[int, int], dict[str, NDArray[Any]]] = ((-1, -1), {})
+        self._block: tuple[FloatArray, NDArray[Any], NDArray[Any]] = (
+            np.zeros(0), zeros[None][:0], zeros[None][:0],
+        )  # fmt: skip
+        self._states: tuple[tuple[int, ...], dict[str, NDArray[Any]]] = ((), {})
         self._stuck = self._gate.rest.stuck
         self.naming = True
         self.moment: Moment | None = None
@@ -299,20 +304,21 @@ class TouchLoop(Summary):
 
     def states(self) -> Mapping[str, NDArray[np.str_]]:
         """State (n,) of the taxels of each part, see `Moment.states`; not to be changed."""
-        changes = self._gate.changes, self._responses.changes
+        changes = self._gate.changes, self._responses.changes, self._checks.unheard
         if changes != self._states[0]:
             words = np.full(len(self._skin), "ok", "<U7")
             for found in (self._gate.states(), self._responses.states()):
                 for state, rows in found.items():
                     words[rows] = state
+            words[self._checks.silent[self._gather]] = "unheard"
             self._states = changes, self._skin.split(words)
         return self._states[1]
 
     def health(self) -> dict[str, dict[str, list[int]]]:
         """Channels that are `stuck`, `noisy`, `dead` or `unheard`, by part.
 
-        Parts without any are left out. A channel is unheard until it was first seen at rest: what
-        it sends before is not a touch.
+        Parts without any are left out. A channel is unheard until it first sent a number and was
+        seen at rest: what it sends before is not a touch.
         """
         found = {}
         for part, words in self.states().items():
@@ -352,9 +358,9 @@ class TouchLoop(Summary):
         return describe_skins(info.name, self.robot.name, skins, info.rate, "pressure", info.clock)
 
     def finish(self) -> None:
-        """End the touches that last: nothing more will be asked."""
+        """End the touches that last, as `unfinished`: nothing more will be asked."""
         self._tracker.forget()
-        self._book.forget()
+        self._book.forget(cut=True)
 
     def close(self) -> None:
         """Close the source; may be called twice."""
@@ -404,6 +410,7 @@ class TouchLoop(Summary):
             self._book.withdraw(self._stuck)
         self.counts.used += len(times)
         self._last = (float(times[-1]), pressures[-1], dense[-1])
+        self._block = (times, pressures, dense)
 
     def _load_forces(self, calibrations: Mapping[str, LoadCalibration]) -> dict[str, PartLoads]:
         if not calibrations:
@@ -446,6 +453,8 @@ class TouchLoop(Summary):
 
     def _show(self, *, stale: bool = False) -> Moment:
         now, pressures, raw = self._last
+        times, every, samples = self._block
+        slices = self._skin.slices.items()
         touches, contacts = self._book.show(self._tracker.tracks)
         if self._loads:
             touches, contacts = self._weighed(touches), self._weighed(contacts)
@@ -463,6 +472,11 @@ class TouchLoop(Summary):
             contacts=contacts,
             states=self.states(),
             skins=self.skins,
+            block=(
+                times,
+                {part: every[:, rows] for part, rows in slices},
+                {part: samples[:, rows] for part, rows in slices if self.info.kind == "raw"},
+            ),
         )
 
     def _tell(self, moment: Moment) -> Moment:

@@ -9,9 +9,12 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from skinmap.arrays import FloatArray
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.summary import Drawable, listed
 from skinmap.touch.prepared_skin import PreparedSkin
+
+Rows = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
@@ -45,6 +48,9 @@ class Moment(Drawable):
         Of each part's taxels: "ok", "stuck", "noisy", "dead", or "unheard": not seen at rest yet.
     skins : mapping of str to PreparedSkin
         Of the parts, for `plot` and `save`; a `TouchLoop` gives them.
+    block : tuple, optional
+        All k samples of the step that ends in this moment: times (k,) [s], then `pressures` and
+        `raw` of them, (k, n) by part.
 
     Examples
     --------
@@ -66,6 +72,7 @@ class Moment(Drawable):
     contacts: tuple[NamedTouch, ...] = ()
     states: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
     skins: Mapping[str, PreparedSkin] = field(default_factory=dict)
+    block: tuple[FloatArray, Rows, Rows] | None = None
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""

@@ -8,7 +8,7 @@ pressure times area adds up to the force, whatever the stiffness.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, UnknownNameError
 from skinmap.geometry.proximity import median_spacing
+from skinmap.geometry.rigid import rigid_fit, transform_points
 from skinmap.physics.bodies import PRESSERS, Presser
 from skinmap.physics.engine import import_mujoco
 from skinmap.physics.pressing import full_forces, pressers_xml, soften
@@ -68,7 +69,7 @@ class RobotModel:
     UnknownNameError
         No tactile sensor of the name of a part.
     SkinMismatchError
-        A sensor with another number of taxels than the part.
+        A sensor with other taxels than the part.
     """
 
     def __init__(
@@ -122,6 +123,7 @@ class RobotModel:
         """Loads (n,) of each part as things stand."""
         pushed = self._pushed()
         depths = [felt.depth(self.data) for felt in self._skins]
+        self._lay_between(depths, pushed)
         total: dict[int, float] = {}
         for felt, depth in zip(self._skins, depths, strict=True):
             total[felt.weld] = total.get(felt.weld, 0.0) + float(depth.sum())
@@ -187,17 +189,40 @@ class RobotModel:
         full = [full_forces(presser) for presser in self.pressers.values()]
         self._full = np.concatenate([np.zeros(0), *full])
 
-    def _pushed(self) -> dict[int, float]:
-        """Sum of contact forces [N] on each rigid group of links."""
-        found: dict[int, float] = {}
+    def _lay_between(self, depths: list[FloatArray], pushed: dict[int, float]) -> None:
+        """Lay contacts on the nearest taxels where a link is pushed and no taxel is deep.
+
+        A body may rest on the plates between taxels. Depths (n,) of each part become the forces of
+        the contacts there, and `pushed` their sum; one further than a spacing from all taxels lies
+        beside the skin.
+        """
+        for weld in pushed:
+            skins = [row for row, felt in enumerate(self._skins) if felt.weld == weld]
+            if not skins or any(depths[row].any() for row in skins):
+                continue
+            for force, place, _ in (one for one in self._contacts() if weld in one[2]):
+                near = [(*self._skins[row].nearest(self.data, place), row) for row in skins]
+                away, taxel, row = min(near)
+                if away <= self._skins[row].spacing:
+                    depths[row][taxel] += force
+            pushed[weld] = sum(float(depths[row].sum()) for row in skins)
+
+    def _contacts(self) -> Iterator[tuple[float, FloatArray, tuple[int, ...]]]:
+        """Force [N], place (3,) in the world and the two rigid groups of each contact."""
         data, model = self.data, self.model
         wrench = np.zeros(6)
         for row in range(data.ncon):
             self._mujoco.mj_contactForce(model, data, row, wrench)
             if wrench[0] > 0.0:
-                for geom in data.contact.geom[row]:
-                    weld = int(model.body_weldid[model.geom_bodyid[geom]])
-                    found[weld] = found.get(weld, 0.0) + float(wrench[0])
+                welds = model.body_weldid[model.geom_bodyid[data.contact.geom[row]]]
+                yield float(wrench[0]), data.contact.pos[row], tuple(welds.tolist())
+
+    def _pushed(self) -> dict[int, float]:
+        """Sum of contact forces [N] on each rigid group of links."""
+        found: dict[int, float] = {}
+        for force, _, welds in self._contacts():
+            for weld in welds:
+                found[weld] = found.get(weld, 0.0) + force
         return found
 
     def _has_joint(self, name: str) -> bool:
@@ -217,14 +242,31 @@ class _Felt:
             )
         first = int(sensor.adr[0])
         self._rows = slice(first, first + taxels)
-        self.body = int(model.geom_bodyid[int(model.sensor_refid[sensor.id])])
+        self._geom, mesh = int(model.sensor_refid[sensor.id]), int(model.sensor_objid[sensor.id])
+        self.body = int(model.geom_bodyid[self._geom])
         self.weld = int(model.body_weldid[self.body])
+        first = int(model.mesh_vertadr[mesh])
+        self._places = model.mesh_vert[first : first + taxels].astype(np.float64)  # of the geometry
         self._spread = _foam(skin)
-        self._area = median_spacing(skin.positions) ** 2
+        self.spacing = median_spacing(skin.positions)
+        self._area = self.spacing**2
+        fit = rigid_fit(self._places, skin.positions, np.ones(taxels))
+        off = np.linalg.norm(transform_points(fit, self._places) - skin.positions, axis=1)
+        if off.max() > self.spacing / 2.0:
+            raise SkinMismatchError(
+                f"the taxels of sensor {skin.part!r} lie up to {1e3 * off.max():.3g} mm from those "
+                f"of the part, of another skin perhaps: write the model anew (skinmap export)"
+            )
 
     def depth(self, data: Any) -> FloatArray:
         """(n,) how deep each taxel is in something [m]."""
-        return np.asarray(data.sensordata[self._rows])
+        return np.array(data.sensordata[self._rows])
+
+    def nearest(self, data: Any, place: FloatArray) -> tuple[float, int]:
+        """Distance [m] and row of the taxel nearest to a place (3,) in the world."""
+        turn = data.geom_xmat[self._geom].reshape(3, 3)
+        away = np.linalg.norm(self._places - (place - data.geom_xpos[self._geom]) @ turn, axis=1)
+        return float(away.min()), int(np.argmin(away))
 
     def loads(self, depth: FloatArray, force: float, total: float) -> FloatArray:
         """(n,) loads whose pressures add up to the part's share of a force [N]."""

@@ -107,7 +107,27 @@ def touch_classifier(name: str, made: Any) -> TouchClassifier:
             f"the plug-in {name!r} names no input_kind; the input kinds are: "
             f"{', '.join(INPUT_KINDS)}"
         )
-    return TouchClassifier(name, descriptor_of(kind), with_probabilities(made))
+    found = TouchClassifier(name, descriptor_of(kind), with_probabilities(made))
+    found.check = check_outputs
+    return found
+
+
+def check_outputs(name: str, estimator: Any, x: FloatArray, y: NDArray[Any]) -> None:
+    """Check what the trained estimator of a plug-in gives for some rows (n, d) of labels (n,).
+
+    Raises
+    ------
+    BrokenPluginError
+        Which promise is broken, and by which plug-in.
+    """
+    try:
+        labels = np.asarray(estimator.predict(x))
+        _check_answers(labels, x, y)
+        classes = np.asarray(estimator.classes_)
+        _check_probabilities(np.asarray(estimator.predict_proba(x)), labels, classes)
+    except Exception as error:
+        text = str(error) if isinstance(error, BrokenPluginError) else f"fails: {error!r}"
+        raise BrokenPluginError(f"the plug-in {name!r} {text}") from error
 
 
 def with_probabilities(estimator: Any) -> Any:
@@ -213,12 +233,16 @@ def _check_estimator(made: Any, touches: Sequence[Touch]) -> None:
     _require(hasattr(made, "classes_"), "fit sets no classes_")
     classes = np.asarray(made.classes_)
     _require(np.array_equal(np.unique(classes), np.unique(y)), f"classes_ are {classes}")
-    _require(labels.shape == (len(x),), f"predicts {labels.shape} labels for {len(x)} rows")
-    _require(bool(np.isin(labels, y).all()), "predicts a label that it was not trained on")
+    _check_answers(labels, x, y)
     _require(np.array_equal(labels, again), "predicts other labels when it is asked again")
     _require(np.array_equal(labels[:5], single), "predicts other labels row by row")
     if hasattr(made, "predict_proba"):
         _check_probabilities(np.asarray(made.predict_proba(x)), labels, classes)
+
+
+def _check_answers(labels: NDArray[Any], x: FloatArray, y: NDArray[Any]) -> None:
+    _require(labels.shape == (len(x),), f"predicts {labels.shape} labels for {len(x)} rows")
+    _require(bool(np.isin(labels, y).all()), "predicts a label that it was not trained on")
 
 
 def _check_probabilities(share: FloatArray, labels: Any, classes: Any) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import InvalidArrayError, NotFittedError, SkinWarning
+from skinmap.errors import BrokenPluginError, InvalidArrayError, NotFittedError, SkinWarning
 from skinmap.recognition.catalogue import BUILT_IN, DEFAULT, classifiers
 from skinmap.recognition.descriptors import ContactGeometry, Descriptor, Touch
 from skinmap.recognition.histograms.intersection import IntersectionSVC, one_vs_rest
@@ -47,6 +47,7 @@ __all__ = [
 
 NO_CONTACT = "no_contact"
 CALIBRATION_FOLDS = 5
+CHECKED = 200  # rows of a plug-in that its answers are checked on
 ROWS = 1200  # training rows at most: the cost of a Gram matrix grows with the square
 Probabilities = Callable[[FloatArray], FloatArray]
 # Classifiers quick enough to train that `skinmap train` also calibrates sets of names.
@@ -115,6 +116,7 @@ class Classifier(Summary):
         self.doubt: FloatArray | None = None
         self.own_answers: ThreeAnswers | None = None
         self._quick: tuple[Any, Callable[[FloatArray], FloatArray]] | None = None
+        self.check: Callable[..., None] | None = None  # of a plug-in's estimator, once trained
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -148,6 +150,8 @@ class Classifier(Summary):
         ------
         InvalidArrayError
             Fewer than two labels, or a label with fewer than five touches in contact.
+        BrokenPluginError
+            A plug-in that fails, or whose answers cannot be.
         """
         from skinmap.recognition.answering import ThreeAnswers
 
@@ -166,7 +170,15 @@ class Classifier(Summary):
         if len(table) > most:
             some = np.sort(rng.choice(len(table), most, replace=False))
             table, named = table[some], named[some]
-        self.estimator.fit(table, named)
+        try:
+            self.estimator.fit(table, named)
+        except Exception as error:
+            if self.check is None:
+                raise
+            raise BrokenPluginError(f"the plug-in {self.name!r} fails: {error!r}") from error
+        if self.check is not None:
+            some = np.linspace(0, len(table) - 1, min(len(table), CHECKED)).astype(int)
+            self.check(self.name, self.estimator, table[some], named)
         self._quick = None
         if sets:
             self.sets, own = held_out(self._copy, touches, rng=rng)

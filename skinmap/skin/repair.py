@@ -8,7 +8,7 @@ share a vertex of the surface mesh, which keeps the map (`SurfaceMesh.representa
 from __future__ import annotations
 
 import warnings
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, fields
 from dataclasses import replace as replace_fields
 from typing import Any
@@ -166,7 +166,11 @@ def warn_of_unit(unit: str, of: str = "", stated: str | None = None) -> None:
 
 
 def detect_unit(
-    positions: FloatArray, layout: ModuleLayout | None, stated: str | None = None
+    positions: FloatArray,
+    layout: ModuleLayout | None,
+    stated: str | None = None,
+    *,
+    lies: Callable[[str], bool] | None = None,
 ) -> str:
     """Unit in which the spacing of positions (n, 3) fits the layout, or any robot skin.
 
@@ -177,6 +181,9 @@ def detect_unit(
     layout : ModuleLayout or None
     stated : str, optional
         Unit that the file is said to be in; metres without.
+    lies : callable, optional
+        Whether the taxels lie on their link where the file is in a unit. It is asked where the
+        spacing is odd in the stated unit, and there is no layout: large skins exist.
 
     Returns
     -------
@@ -185,13 +192,18 @@ def detect_unit(
     """
     spacing = median_spacing(np.unique(positions, axis=0))
     first = stated or "m"
+    fits = []
     for unit in (first, *UNIT_METRES) if spacing else ():
         low, high = STATED_PITCHES if unit == stated else PITCHES
         if layout is not None:
             low, high = layout.pitch / UNIT_MATCH, layout.pitch * UNIT_MATCH
         if low <= spacing * UNIT_METRES[unit] <= high:
-            return unit
-    return first
+            fits.append(unit)
+    if first in fits:
+        return first
+    if layout is None and lies is not None and spacing:
+        fits = [unit for unit in (*fits, first, *UNIT_METRES) if lies(unit)] or fits
+    return fits[0] if fits else first
 
 
 def thermal_pads(table: TaxelTable, layout: ModuleLayout | None) -> np.ndarray:

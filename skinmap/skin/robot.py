@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import UnknownNameError
+from skinmap.errors import SkinError, UnknownNameError
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.rigid import transform_points
 from skinmap.geometry.triangles import TriangleMesh
@@ -63,6 +63,7 @@ class Body(Protocol):
 
 AUTO = "auto"
 DH_SUFFIX = "_dh_frame"
+NEAR_MESH = 0.1  # taxels nearer to their link than this share of the skin's size lie on it
 
 
 @dataclass(frozen=True, slots=True)
@@ -209,11 +210,24 @@ class Robot(Summary):
         if "units" not in self.steps:
             return table, stated
         shape = table.positions[table.pieces == 0] if len(table.pieces) else table.positions
-        unit = detect_unit(shape / UNIT_METRES[stated], spec.layout, spec.unit)
+        numbers = shape / UNIT_METRES[stated]
+        unit = detect_unit(numbers, spec.layout, spec.unit, lies=lambda one: self._lies(spec, one))
         if unit == stated:
             return table, unit
         warn_of_unit(unit, f"part {spec.name!r}: ", spec.unit)
         return spec.read(UNIT_METRES[unit]), unit
+
+    def _lies(self, spec: Part, unit: str) -> bool:
+        """Whether the taxels of a part lie on its mesh, where their file is in this unit."""
+        try:
+            bare = len(self.mesh_under(spec.name).faces) == 0
+        except SkinError:
+            bare = True  # no mesh that could be read
+        if bare:
+            return False
+        table, _ = self._in_link_frame(spec.read(UNIT_METRES[unit]), spec)
+        size = float(np.linalg.norm(np.ptp(table.positions, axis=0)))
+        return self._misfit(table, spec) <= NEAR_MESH * size + spec.cover
 
     def _in_link_frame(self, table: TaxelTable, spec: Part) -> tuple[TaxelTable, str]:
         if spec.frame == spec.link:

@@ -231,6 +231,25 @@ def test_check_classifier_finds_touch_classifiers_that_do_not_come_back(tmp_path
         check_classifier(Local)
 
 
+class Throws(Nearest):
+    def predict_proba(self, X):
+        raise RuntimeError("no camera")
+
+
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (WrongOrder, "'mine' predict_proba is not largest where the label is"),
+        (NanProbabilities, "'mine' predict_proba does not give probabilities"),
+        (ForeignLabels, "'mine' predicts a label that it was not trained on"),
+        (Throws, r"'mine' fails: RuntimeError\('no camera'\)"),
+    ],
+)
+def test_training_refuses_plug_ins_whose_answers_cannot_be(rng, made, message):
+    with pytest.raises(BrokenPluginError, match=message):
+        touch_classifier("mine", made()).fit(planted_touches(8, rng=rng), rng=rng)
+
+
 def test_labels_only_shares_the_confidence_among_rows(rng):
     class Plain(BaseEstimator):
         def fit(self, X, y):

@@ -29,7 +29,7 @@ TOUCH = {
     "heading", "up_mm", "right_mm", "speed_mm_s", "presses", "period_s", "early_label", "early_s",
     "event", "touch", "part", "label", "confidence", "names", "start_s", "duration_s", "area_mm2",
     "path_mm", "peak", "centre_mm", "contacts", "channels", "kind", "motion", "hand", "load",
-    "area_least_mm2",
+    "area_least_mm2", "unfinished",
 }  # fmt: skip
 
 

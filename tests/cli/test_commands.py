@@ -288,3 +288,14 @@ def test_inspect_compares_with_a_drawing(tmp_path, drawing, missing):
     else:
         assert part["drawing"]["missing"] > 0
         assert part["verdict"] == "name the drawing that belongs to the table"
+
+
+def test_classify_notes_a_skin_that_is_too_coarse_for_a_finger(capsys):
+    from skinmap.cli.classify.live_naming import _note_coarse
+    from skinmap.skin.skin import skin_from_points
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    grid = np.array([(x, y, 0) for x in range(5) for y in range(5)], float)
+    up = np.tile([0.0, 0.0, 1.0], (25, 1))
+    _note_coarse(PreparedSkin(skin_from_points(step * grid, up, part="p")) for step in (8e-3, 0.03))
+    assert capsys.readouterr().err.count("taxels of 'p' lie 30 mm apart") == 1

@@ -168,6 +168,36 @@ def test_the_unit_is_found_in_the_files_numbers_before_frame_and_pose(
         assert ours[0].startswith(f"part 'p': {warned}")
 
 
+@pytest.mark.parametrize(
+    ("pitch", "unit", "stated"),
+    [(0.16, "m", 'units = "m"'), (0.16, "m", ""), (0.045, "m", ""), (0.045, "mm", "")],
+)
+def test_taxels_of_a_large_skin_are_believed_where_they_lie_on_the_link(
+    tmp_path, pitch, unit, stated
+):
+    from skinmap.io.taxels.taxel_table import write_csv
+    from skinmap.io.units import UNITS
+    from skinmap.skin.taxels import TaxelTable
+
+    radius, numbers = 6 * pitch, np.arange(72)
+    angle = numbers % 12 * pitch / radius
+    out = np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    places = radius * out + np.outer(numbers // 12 * pitch, [0, 0, 1])
+    write_csv(TaxelTable(numbers, numbers // 12, places / UNITS[unit], out), tmp_path / "t.csv")
+    shape = f'<cylinder radius="{radius}" length="{20 * pitch}"/>'
+    body = f'<link name="base"><visual><geometry>{shape}</geometry></visual></link>'
+    (tmp_path / "body.urdf").write_text(f'<robot name="one">{body}</robot>')
+    (tmp_path / "r.toml").write_text(
+        '[robot]\nname = "one"\nurdf = "body.urdf"\n[[part]]\nname = "p"\nlink = "base"\n'
+        f'taxels = "t.csv"\n{stated}\n'
+    )
+    robot = load_robot(tmp_path / "r.toml")
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        np.testing.assert_allclose(robot.skin("p").positions, places, rtol=1e-6, atol=1e-9)
+    assert len(caught) == (unit == "mm")  # which is named
+
+
 @pytest.mark.parametrize("pitch", [5e-4, 0.05])
 def test_a_stated_unit_is_believed_of_dense_and_of_sparse_skins(pitch):
     x, y = np.meshgrid(pitch * np.arange(6), pitch * np.arange(5))

@@ -30,3 +30,23 @@ def test_noise_that_is_taken_for_touches_gives_none_without_an_end(noise):
         pass
     assert ends
     assert all(0.0 <= began <= ended <= 4.0 for began, ended in ends)
+
+
+def test_a_touch_that_the_end_of_the_samples_cuts_off_is_unfinished_and_no_tap():
+    robot = skinmap.load_robot("icub")
+    skin = robot.skin("left_forearm")
+    away = np.linalg.norm(skin.positions - skin.positions[100], axis=1)
+    times = np.arange(250) / 50
+    rise = np.clip(np.minimum((times - 2) / 0.1, (4 - times) / 0.1), 0, 1)
+    values = np.outer(150 * rise, np.exp(-((away / 7e-3) ** 2))).astype(np.float32)
+    info = StreamInfo("press", ("left_forearm",), (len(skin),), 50.0)
+    ends = []
+    for count in (107, 250):
+        source = Playback(info, times[:count], values[:count], speed=np.inf)
+        loop = TouchLoop(robot, source, classifier=skinmap.default_model())
+        list(loop)
+        ends += loop.finished()
+    cut, whole = ends
+    assert cut.unfinished
+    assert cut.label != "tap"
+    assert not whole.unfinished

@@ -4,6 +4,8 @@ import gc
 import threading
 import time
 import tracemalloc
+import warnings
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,6 +19,7 @@ from skinmap.errors import (
 )
 from skinmap.live import namer
 from skinmap.live.loop import TouchLoop
+from skinmap.live.publishing.publish import Publisher
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
 from skinmap.recognition.classifier import classifiers
@@ -120,6 +123,41 @@ def test_a_first_sample_that_is_not_finite_reads_as_zero(icub, prepared, bad):
     counts, (moment,) = counts_of(icub, prepared, [block([0.0], values)])
     assert counts["nan"] == 1
     assert not moment.pressures[PART].any()
+
+
+@pytest.mark.parametrize(
+    ("scale", "width", "step", "match"),
+    [
+        (1 / 255, N, 0.02, "values up to 0.588, like shares of 1"),
+        (-1.0, N, 0.02, "values down to -150: turn their sign"),
+        (1.0, N - 1, 0.02, "47 values a sample, not 48: none is used"),
+        (1.0, N, 20.0, "look like milliseconds"),
+        (1.0, N, 2e7, "look like nanoseconds"),
+        (1.0, N, 0.02, None),
+        (0.01, N, 0.02, None),  # noise at rest alone, and a weak touch
+    ],
+)
+def test_values_and_times_of_another_kind_are_named_once(icub, prepared, scale, width, step, match):
+    values = np.clip(np.random.default_rng(0).normal(0, 0.8, (200, width)), 0, None)
+    values[120:160, 10:14] = 150.0
+    values[:, 12:] *= 100.0 if scale == 0.01 else 1.0
+    values *= scale
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        counts_of(icub, prepared, [
+            block(step * np.arange(k, k + 5), values[k : k + 5]) for k in range(0, 200, 5)
+        ])  # fmt: skip
+    assert [match in str(one.message) for one in caught] == [True] * (match is not None)
+
+
+def test_channels_that_never_sent_a_number_are_unheard_and_named(icub, prepared):
+    values = np.zeros((150, N), np.float32)
+    values[:, [3, 7]] = np.nan
+    loop = TouchLoop(icub, Planted([block(np.arange(150) / RATE, values)]), parts=[PART])
+    with pytest.warns(SkinWarning, match="no number on 2 of 48 channels so far, 3 the first"):
+        list(loop)
+    channels = prepared(PART).skin.channels[[3, 7]].tolist()
+    assert loop.health()[PART]["unheard"] == channels
 
 
 def test_live_vectors_give_the_same_as_dense_rows(icub, prepared, rng):
@@ -277,6 +315,24 @@ def test_subscribers_get_every_moment_and_cannot_stop_the_loop(icub, prepared, c
     assert heard == [0.0, -0.0, 0.02, -0.02]
     assert loop.counts.failed == 2
     assert "a subscriber failed" in caplog.text
+
+
+def test_a_publisher_sends_every_sample_of_a_step(icub, prepared):
+    values = np.random.default_rng(0).uniform(0, 200, (100, N)).astype(np.float32)
+    source = Planted([block(np.arange(100) / RATE, values)])
+    source.speed = 1.0
+    loop = TouchLoop(icub, source, skins={PART: prepared(PART)})
+    sent = []
+    publisher = SimpleNamespace(
+        stale=False, topics=("pressure",), info=loop.dense_info(), _contacts=(), _labels=()
+    )
+    publisher._rows = lambda values: Publisher._rows(publisher, values)
+    publisher.send_samples = lambda topic, times, rows: sent.append((topic, times, rows))
+    loop.subscribe(lambda moment: Publisher.send(publisher, moment))
+    assert len(list(loop)) == 2  # steps of at most 64 samples
+    times, rows = (np.concatenate([one[k] for one in sent]) for k in (1, 2))
+    np.testing.assert_allclose(times, np.arange(100) / RATE)
+    np.testing.assert_allclose(rows, values)
 
 
 def test_seek_begins_anew(icub, prepared):

@@ -16,11 +16,13 @@ from skinmap.errors import (
 from skinmap.geometry.proximity import median_spacing
 from skinmap.io.robots.manifest import load_robot
 from skinmap.io.robots.mjcf import write_mjcf
+from skinmap.io.robots.urdf import UrdfBody
 from skinmap.live.sources.mujoco_source import MujocoSource, MujocoTouching
 from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.source import Source
 from skinmap.physics.robot_model import FIRM, RobotModel
-from skinmap.skin.robot import Robot
+from skinmap.skin.robot import Part, Robot
+from skinmap.skin.taxels import TaxelTable
 
 mujoco = pytest.importorskip("mujoco", reason="the extra 'mujoco' is not installed")
 PART = "left_forearm"
@@ -99,6 +101,48 @@ def test_loads_add_up_to_the_contact_force(icub: Robot, path: Path, tmp_path: Pa
     area = median_spacing(icub.skin(PART).positions) ** 2
     assert pushed > 0
     np.testing.assert_allclose(loads.sum() * FIRM * area, pushed, rtol=1e-9)
+
+
+def barrel(folder: Path, channels: np.ndarray) -> Robot:
+    """A fixed barrel of 50 mm radius with 8 mm between its taxels, in this order of channels."""
+    body = "<visual><geometry><cylinder radius='.05' length='.1'/></geometry></visual>"
+    text = f"<robot name='barrel'><link name='barrel'>{body}</link></robot>"
+    (folder / "barrel.urdf").write_text(text)
+    rows, columns = np.divmod(np.arange(168), 14)
+    angle = (columns - 6.5 + 0.5 * (rows % 2)) * 8e-3 / 0.05
+    normals = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(168)])
+    places = 0.05 * normals + np.outer((rows - 5.5) * 7e-3, [0, 0, 1])
+    modules = rows // 4 * 10 + columns // 4
+    table = TaxelTable(np.arange(168), modules[channels], places[channels], normals[channels])
+    part = Part("p", "barrel", lambda: table, frame="barrel")
+    return Robot("barrel", UrdfBody(folder / "barrel.urdf"), {"p": part})
+
+
+@pytest.mark.parametrize(
+    "geom",
+    [
+        'type="sphere" size=".02" pos=".073 0 0"',
+        'type="box" size=".005 .03 .02" pos=".058 0 0"',
+        'type="capsule" size=".01 .05" pos=".063 0 0" euler="1.5707963 0 0"',  # rests between rows
+    ],
+)
+def test_the_weight_of_a_users_body_is_felt(tmp_path: Path, geom: str) -> None:
+    robot, path = barrel(tmp_path, np.arange(168)), tmp_path / "barrel.xml"
+    write_mjcf(robot, path)
+    own = path.read_text().replace('integrator="', 'gravity="-9.81 0 0" integrator="')
+    thing = f'<body><freejoint/><geom {geom} mass=".5"/></body></worldbody>'
+    path.write_text(own.replace("</worldbody>", thing))
+    model = RobotModel(path, robot, rng=np.random.default_rng(0))
+    loads = np.array([model.sample()[0] for _ in range(30)])[10:]
+    force = loads.sum(axis=1) * FIRM * median_spacing(robot.skin("p").positions) ** 2
+    assert np.median(force) == pytest.approx(0.5 * 9.81, rel=0.05)
+
+
+def test_a_model_of_another_skin_is_refused(tmp_path: Path) -> None:
+    write_mjcf(barrel(tmp_path, np.arange(168)), tmp_path / "barrel.xml")
+    other = barrel(tmp_path, np.random.default_rng(0).permutation(168))
+    with pytest.raises(SkinMismatchError, match="mm from those of the part"):
+        RobotModel(tmp_path / "barrel.xml", other, rng=np.random.default_rng(0))
 
 
 def test_open_source_gives_blocks_and_angles(icub: Robot, path: Path) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skinmap.live.response.pressures import REST
-from skinmap.live.response.rest_gate import NEVER, TWICE, RestGate
+from skinmap.live.response.rest_gate import AROUND, NEVER, TWICE, RestGate
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 
@@ -78,6 +78,21 @@ def test_what_is_high_before_it_was_seen_at_rest_is_unheard(joined):
     found = gate.apply(samples[30:])
     assert (found[10:, own] == 120).all()  # it was let go, and is a touch from now on
     assert not gate.states()["unheard"].any()
+
+
+def test_a_taxel_that_reads_nothing_while_all_beside_it_are_pressed_is_dead(joined):
+    beside = [row[row < len(joined)] for row in joined.beside]
+    taxel = next(row for row, own in enumerate(beside) if len(own) >= AROUND)
+    samples = quiet(joined, 8)
+    for start in (150, 250):
+        samples[start : start + 40, beside[taxel]] += 60
+    well = RestGate(joined, RATE)
+    well.apply(samples)
+    assert not well.states()["dead"].any()
+    samples[:, taxel] = 0
+    gate = RestGate(joined, RATE)
+    gate.apply(samples)
+    assert np.flatnonzero(gate.states()["dead"]).tolist() == [taxel]
 
 
 def test_a_finger_that_rests_long_stays_a_finger(joined):

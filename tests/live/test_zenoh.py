@@ -23,7 +23,7 @@ from skinmap.live.network.zenoh_stream import (
     parse_zenoh,
     values_of,
 )
-from skinmap.live.sources.source import StreamInfo
+from skinmap.live.sources.source import Block, StreamInfo
 
 zenoh = pytest.importorskip("zenoh", reason="eclipse-zenoh is not installed")
 PART, LIMIT = "left_hand", 20.0
@@ -68,6 +68,24 @@ def test_every_sample_of_another_process_arrives(port, icub):
         child.terminate()
         child.wait(LIMIT)
         child.stderr.close()
+
+
+def test_samples_keep_their_times_apart(port, icub):
+    """They are sent when they come, a few at once."""
+    width = len(icub.skin(PART))
+    info = StreamInfo("t", (PART,), (width,), 50.0, "pressure", "iCub")
+    with open_publisher(f"zenoh:{port}", info) as publisher:
+        source = open_source(f"zenoh:{port}", robot=icub)
+        time.sleep(0.3)
+        before = time.time()
+        for first in range(0, 30, 10):
+            times = 100.0 + 0.02 * np.arange(first, first + 10)
+            publisher.send_block(Block(times, np.zeros((10, width), np.uint8), 0.0))
+            time.sleep(0.1)
+        times, _ = read_all(source, 30)
+        source.close()
+    np.testing.assert_allclose(np.diff(times), 0.02, atol=1e-6)
+    assert times[0] == pytest.approx(before, abs=2.0)  # in ROS time
 
 
 def test_node_of_ros2_sees_keys_messages_and_tokens(port, icub):

@@ -7,6 +7,7 @@ from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError,
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from skinmap.touch.simulation.gestures import FOUR, Pad
+from skinmap.touch.simulation.sensing import Sensing, Sensors
 from skinmap.touch.simulation.simulator import (
     NOISE,
     RATE,
@@ -142,3 +143,9 @@ def test_load_recordings_refuses_what_is_none(tmp_path, plate, rng):
 def test_recording_says_what_is_wrong(times, pressures, events, message):
     with pytest.raises(InvalidArrayError, match=message):
         Recording("p", np.array(times), pressures, np.array(events), ("poke",))
+
+
+def test_a_sensor_too_slow_for_a_touch_reads_without_it(prepared):
+    skin = prepared("left_hand").skin
+    sensors = Sensors(skin, Sensing(rate=0.5, cross_talk=0.05), rng=np.random.default_rng(0))
+    assert sensors.read(np.zeros((0, len(skin))), rng=np.random.default_rng(0)).shape == (0, 48)

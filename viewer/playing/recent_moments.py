@@ -142,7 +142,8 @@ class History:
         """Remember a moment, and forget the oldest where it gets too much."""
         if self._spread and self._moments and not self._wanted(moment):
             return
-        kept = replace(moment, pressures=small(moment.pressures), raw=small(moment.raw))
+        pressures, raw = small(moment.pressures), small(moment.raw)
+        kept = replace(moment, pressures=pressures, raw=raw, block=None)
         self._moments.append(kept)
         self._bytes += size(kept)
         while len(self._moments) > 2 and (

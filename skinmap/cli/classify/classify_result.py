@@ -30,9 +30,9 @@ class Health:
     noisy
         They must be pressed hard to be believed.
     dead
-        They feel nothing, by their response calibration.
+        They feel nothing: by their response calibration, or while all beside them are pressed.
     unheard
-        They were not seen at rest yet.
+        They sent no number, or were not seen at rest yet.
     """
 
     stuck: list[int]
@@ -247,6 +247,8 @@ class LiveTouch:
         where it had none.
     load
         Force and pressures, with `--calibration`; else null.
+    unfinished
+        Whether it was still touched when the samples ended: its name is the one until then.
     """
 
     event: Literal["touch"] = "touch"
@@ -276,6 +278,7 @@ class LiveTouch:
     hand: HandAnswer | None
     channels: list[int]
     load: ContactLoad | None
+    unfinished: bool
 
     @classmethod
     def of(cls, touch: TouchEvent, load: ContactForce | None = None) -> LiveTouch:
@@ -307,6 +310,7 @@ class LiveTouch:
             hand=touch.hand,
             channels=list(touch.channels),
             load=None if load is None else ContactLoad(**load.plain()),
+            unfinished=touch.unfinished,
         )
 
 

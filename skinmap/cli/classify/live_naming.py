@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from skinmap.touch.contacts.rest import Rest
     from skinmap.touch.load_calibration import LoadCalibration
 
+FINGERTIP = 15e-3  # its width [m]
 WAIT = 0.2  # so often a silent source lets an interruption through [s]
 HEAD = (
     f"{'began':>11}  {'part':18} {'touch':14} {'sure':>5}  {'hand?':6}  {'lasted':>8}  "
@@ -246,14 +247,14 @@ def _shown(touch: TouchEvent) -> tuple[str, float]:
 
 
 def motion_words(touch: TouchEvent) -> str:
-    """Where it went and how fast, or how often it was pressed; nothing of what stayed."""
+    """Where it went and how fast, how often it was pressed, and whether it was cut off."""
     said = ""
     stays = touch.motion is not None and touch.motion.answer == "still"
     if touch.heading != "still" and not stays:
         said += f"  {touch.heading}, {touch.speed * MM:.0f} mm/s"
     if touch.presses > 1:
         said += f"  {touch.presses} times, {1.0 / touch.period:.1f} a second"
-    return said
+    return said + "  still touched" * touch.unfinished
 
 
 def _passed(run: _Run, started: float) -> float:
@@ -284,12 +285,24 @@ def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:
 def _note_differences(classifier: TouchClassifier, loop: TouchLoop) -> None:
     """Say in one line on which parts the model has not learnt, and in one what it lacks."""
     _note_lacks(classifier)
+    _note_coarse(loop.skins.values())
     found = {part: classifier.difference(one.skin).message for part, one in loop.skins.items()}
     strange = [part for part, message in found.items() if message]
     if len(strange) == 1:
         click.echo(f"note: {found[strange[0]]}", err=True)
     elif strange:
         click.echo(f"note: the model did not learn on {', '.join(strange)}", err=True)
+
+
+def _note_coarse(skins: Iterable[PreparedSkin]) -> None:
+    """Say of each skin with taxels wider apart than a fingertip that it feels none between them."""
+    for one in skins:
+        if one.skin.spacing > FINGERTIP:
+            click.echo(
+                f"note: taxels of {one.skin.part!r} lie {one.skin.spacing * MM:.0f} mm apart, more "
+                "than a fingertip: a press on one alone counts as a spike, as no contact",
+                err=True,
+            )
 
 
 def _note_lacks(classifier: TouchClassifier) -> None:
@@ -474,6 +487,7 @@ def check_model(
     SkinMismatchError
         A model that reads taxels by their number, and another skin.
     """
+    _note_coarse(skins.values())
     for skin in skins.values():
         difference = classifier.difference(skin.skin)
         if not difference.may_go_on:

@@ -31,7 +31,7 @@ BARE = 12e-3  # a link with skin is bumped into where no taxel is so near [m]
 PIECES = 8  # hulls of what is left of such a link
 PLATE = 12  # taxels of a plate: a board of most skins
 PLATE_DEPTH = 3e-3  # its thickness below the taxels [m]; flat skins have a volume then
-MARGIN = 2e-3  # a body so near counts as a contact, whose depth the taxels then read [m]
+GAP = 2e-3  # a body so near counts as a contact, yet bears none: force begins at the taxels [m]
 NO_MASS = 0.02  # of a link that moves and says no mass [kg]
 NO_INERTIA = 1e-5  # and its moments of inertia [kg m2]
 STIFF, DAMPED = 40.0, 2.0  # servo that holds a joint [N m/rad] and [N m s/rad]
@@ -97,7 +97,7 @@ def _defaults(root: ET.Element) -> None:
     # Bodies of others, whose contype is 1 unless they say so, meet the robot; it not itself.
     ET.SubElement(robot, "geom", contype="0", conaffinity="1", mass="0", group="3")
     skin = ET.SubElement(robot, "default", attrib={"class": "plate"})
-    attributes = {"margin": MARGIN, "gap": MARGIN, "solimp": "0.9 0.9 0.001", "condim": 1}
+    attributes = {"margin": 0, "gap": GAP, "solimp": "0.9 0.9 0.001", "condim": 1}
     ET.SubElement(skin, "geom", {name: str(value) for name, value in attributes.items()})
     taxels = ET.SubElement(robot, "default", attrib={"class": "taxels"})
     ET.SubElement(

@@ -186,6 +186,9 @@ class TouchEvent(_Answered):
         Places of its taxels in the live vector of its part, without stuck ones.
     answers : Answers or None
         Kind, motion and hand; None where no model gives them.
+    unfinished : bool
+        Whether it was still touched in the last sample: it may have gone on, and its name is the
+        one that it had until then.
     """
 
     identity: int
@@ -211,6 +214,7 @@ class TouchEvent(_Answered):
     channels: tuple[int, ...] = ()
     answers: Answers | None = None
     area_least: float = float("nan")
+    unfinished: bool = False
 
     def __post_init__(self) -> None:
         freeze(self, centre=np.asarray(self.centre, np.float64))

@@ -56,6 +56,7 @@ class Entry:
     released_at: float = float("nan")  # and when the one before was over
     named_at: float = float("nan")  # since when its name has stood
     stuck: bool = False
+    unfinished: bool = False
 
     @property
     def period(self) -> float:
@@ -95,6 +96,7 @@ class TouchBook:
         self.paused: dict[int, Entry] = {}
         self.parted: dict[int, int] = {}
         self.revise: Callable[[Entry], Prediction | None] = lambda _: None
+        self._now = float("nan")  # of the newest sample [s]
         self.ended: deque[TouchEvent] = deque(maxlen=EVENTS)
         self.withdrawn: deque[TouchEvent] = deque(maxlen=EVENTS)
 
@@ -113,6 +115,7 @@ class TouchBook:
         press waits for the next one. By their `pressures` (N,) the motion of contacts is followed,
         once a sample.
         """
+        self._now = time if time < float("inf") else self._now
         if not tracks and not self.entries and not self.paused:
             return []
         self._resume(tracks)
@@ -165,8 +168,10 @@ class TouchBook:
             self.pieces.update(time, {one.identity: [one] for one in several}, pressures)
         return over
 
-    def forget(self) -> None:
-        """End all touches: the clock began anew."""
+    def forget(self, *, cut: bool = False) -> None:
+        """End all touches: the clock began anew, or samples end and may cut some off."""
+        for entry in self.entries.values():
+            entry.unfinished = cut and entry.seen >= self._now
         self.update([])
         self.motions.forget()
         self.pieces.forget()
@@ -239,7 +244,8 @@ class TouchBook:
     def _end(self, entry: Entry) -> int:
         early, since = entry.name.label, min(entry.named_at, entry.seen) - entry.began
         entry.early = (early, since) if early not in UNSURE else ("", float("nan"))
-        last = None if entry.stuck else self.revise(entry)
+        # All of a touch that was cut off would pass for a short one: its name so far stays.
+        last = None if entry.stuck or entry.unfinished else self.revise(entry)
         if last is not None:
             entry.name = last
         (self.withdrawn if entry.stuck else self.ended).append(self._event(entry))
@@ -365,6 +371,7 @@ class TouchBook:
             tuple(self.skin.skins[self.skin.parts[entry.part]].skin.channels[entry.felt].tolist()),
             entry.name.answers,
             area_least=entry.area_least,
+            unfinished=entry.unfinished,
         )
 
 

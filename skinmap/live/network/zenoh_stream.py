@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from skinmap.arrays import FloatArray
 from skinmap.errors import (
     InvalidArrayError,
     MessageError,
@@ -382,6 +383,7 @@ def open_zenoh(
 
 
 INFO = "/skin/info"
+APART = 2.0  # of ROS time and a sample's shifted one, where its clock was set [s]
 
 
 class ZenohPublisher(Ros2Publisher):
@@ -415,6 +417,7 @@ class ZenohPublisher(Ros2Publisher):
         self._number = str(self._session.zid())
         self._sender = secrets.token_bytes(SENDER_BYTES)
         self._sending = threading.RLock()
+        self._shift, self._stamp = float("nan"), 0  # of a sample's time [s], and ROS time [ns]
         self._publishers: dict[str, Any] = {}
         self._sequences: dict[str, int] = {}
         self._kept: dict[str, tuple[str, bytes]] = {}  # of latched topics, sent again and again
@@ -422,15 +425,27 @@ class ZenohPublisher(Ros2Publisher):
         self._info_text = text_message(pack_info(info, session=0, heartbeat=HEARTBEAT).decode())
         self._stop_beating = repeated(HEARTBEAT, self._beat)
 
+    def _send_samples(self, topic: Topic, times: FloatArray, values: NDArray[Any]) -> None:
+        """Send samples at their own times, shifted to ROS time by the same each."""
+        with self._sending:
+            for now, row in zip(times.tolist(), values, strict=True):
+                shift = time.time() - now
+                if not abs(shift - self._shift) < APART:  # the first, or a clock that was set
+                    self._shift = shift
+                self._stamp = round((now + self._shift) * 1e9)
+                super()._send_samples(topic, np.array([now]), row[None])
+            self._stamp = 0
+
     def _put(self, topic: str, kind: str, message: bytes) -> None:
-        """Send a message; beside it travels when it was sent."""
+        """Send a message; beside it travels the time of its sample, or when it was sent."""
         with self._sending:
             if topic not in self._publishers:
                 self._open(topic, kind)
             if topic in LATCHED:
                 self._kept[topic] = (kind, message)
             number = self._sequences[topic] = self._sequences.get(topic, 0) + 1
-            beside = ATTACHMENT.pack(number, time.time_ns(), SENDER_BYTES, self._sender)
+            stamp = self._stamp or time.time_ns()
+            beside = ATTACHMENT.pack(number, stamp, SENDER_BYTES, self._sender)
             self._publishers[topic].put(message, attachment=beside)
 
     def _open(self, topic: str, kind: str) -> None:

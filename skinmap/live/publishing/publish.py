@@ -146,7 +146,7 @@ class Publisher(ABC):
         self._labels: tuple[tuple[Any, ...], ...] = ()
 
     def send(self, moment: Moment) -> None:
-        """Send a moment: its samples, contacts while there are any, labels when they change.
+        """Send a moment: the samples of its step, contacts while there are any, changed labels.
 
         Raises
         ------
@@ -155,11 +155,15 @@ class Publisher(ABC):
         """
         if moment.stale:
             return
-        times = np.array([moment.time])
-        if "raw" in self.topics and moment.raw:
-            self.send_samples("raw", times, self._row(moment.raw))
+        times, pressures, raw = moment.block or (
+            np.array([moment.time]),
+            {part: row[None] for part, row in moment.pressures.items()},
+            {part: row[None] for part, row in moment.raw.items()},
+        )
+        if "raw" in self.topics and raw:
+            self.send_samples("raw", times, self._rows(raw))
         if "pressure" in self.topics:
-            self.send_samples("pressure", times, self._row(moment.pressures))
+            self.send_samples("pressure", times, self._rows(pressures))
         if "contacts" in self.topics and (moment.touches or self._contacts):
             self._send_text("contacts", moment.time, contacts_json(moment))
         self._contacts = moment.touches
@@ -207,11 +211,11 @@ class Publisher(ABC):
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _row(self, values: Any) -> NDArray[Any]:
+    def _rows(self, values: Any) -> NDArray[Any]:
         missing = [part for part in self.info.parts if part not in values]
         if missing:
             raise SkinMismatchError(f"stream {self.info.name!r} misses {', '.join(missing)}")
-        return np.concatenate([np.asarray(values[part]) for part in self.info.parts])[None]
+        return np.concatenate([np.asarray(values[part]) for part in self.info.parts], axis=1)
 
 
 def repeated(seconds: float, call: Callable[[], object]) -> Callable[[], None]:

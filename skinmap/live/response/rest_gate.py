@@ -17,7 +17,8 @@ from skinmap.touch.contacts.skin_geometry import ACTIVE
 FROZEN = (
     1.0  # a taxel that moves by no more than this while it is high has no finger on it [counts]
 )
-TWICE = 2  # windows in which it must be frozen
+TWICE = 2  # windows in which it must be frozen, or dead
+AROUND = 4  # taxels beside one that all are pressed, while it reads nothing: it is dead
 NEVER = 5  # windows after which a taxel that was never seen at rest is stuck
 FOLLOWED = 0.05  # counts a second that levels follow drift by; no press rises so slowly
 STEADY = 1.0  # counts that rest may wander without being followed
@@ -33,7 +34,8 @@ class RestGate:
     them is less by as much. What is high before it was first seen at rest is not a touch: it may
     hang. A taxel is stuck while it stands still above the level of a touch for four seconds, for
     two if it was never seen at rest, or if it is never seen at rest for ten; one reading at rest
-    sets it free.
+    sets it free. A taxel that never read anything is dead where all those beside it were pressed at
+    once, in two windows; any reading ends that.
 
     Parameters
     ----------
@@ -54,6 +56,7 @@ class RestGate:
         self._high = np.zeros(n, np.int64)  # windows that a taxel has been high without a break
         self._still = np.zeros(n, np.int64)  # and has stood still
         self._mute: BoolArray = np.ones(n, bool)  # stuck, or not seen at rest yet
+        self._passed = np.zeros(n, np.int64)  # windows in which only those beside it were pressed
         self.rest = self._learnt = usual_rest(n)
         self._home = np.full(n, np.nan)  # mean of a window at rest, when the levels were learnt
         self._drift = np.zeros(n)  # since then [counts]
@@ -75,10 +78,11 @@ class RestGate:
         return found
 
     def states(self) -> dict[str, BoolArray]:
-        """(N,) taxels that are `stuck`, `noisy`, or `unheard`: high and never yet seen at rest."""
+        """(N,) taxels that are `stuck`, `noisy`, `dead`, or `unheard`: not yet seen at rest."""
         stuck = self.rest.stuck
         return {
             "stuck": stuck,
+            "dead": self._passed >= TWICE,
             "noisy": self._learnt.noisy & ~stuck,
             "unheard": self._mute & ~stuck,
         }
@@ -111,6 +115,7 @@ class RestGate:
         self._still = np.where(still, self._still + 1, 0)
         stuck = (self._still >= TWICE) | (self._mute & (still | (self._high >= NEVER)))
         self._mute |= stuck
+        self._find_dead(high)
         waiting = ~self._known & ~held  # what was high throughout shows no rest
         if waiting.any():
             waiting[::SOME] = True  # for the noise that is usual on this skin
@@ -125,6 +130,16 @@ class RestGate:
             self._known[columns[fresh]] = True
         self.rest = self._followed(self.rest.stuck | stuck, high)
         self.changes += 1
+
+    def _find_dead(self, high: NDArray[np.float32]) -> None:
+        """Count the windows (of these largest readings) that passed over taxels without any."""
+        self._passed[high > 0.0] = -1  # it reads: never dead
+        beside, pressed = self.skin.beside, np.append(high > ACTIVE, True)
+        some = (self._passed >= 0) & pressed[beside].all(axis=1)
+        rows = np.flatnonzero(some & ((beside < len(high)).sum(axis=1) >= AROUND))
+        if len(rows):
+            padded = np.pad(self._window > ACTIVE, ((0, 0), (0, 1)), constant_values=True)
+            self._passed[rows] += padded[:, beside[rows]].all(axis=2).any(axis=0)
 
     def _followed(self, stuck: BoolArray, high: NDArray[np.float32]) -> Rest:
         """The levels, moved by the drift of taxels that a full window shows free."""

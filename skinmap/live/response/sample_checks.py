@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import SkinWarning
 from skinmap.live.sources.source import Block, Counts, StreamInfo
+from skinmap.touch.contacts.skin_geometry import ACTIVE
 
 RANGE = (0.0, 255.0)  # counts
 FAR = 2 * RANGE[1]  # noise and a gain reach less beyond the range
@@ -21,6 +22,11 @@ LATE = 0.1  # a live clock that goes back by more, and by more than `ORDER` peri
 ORDER = 5.0
 LATER = 0.75  # periods that a sample may come late before one is missed
 FORGIVE = 0.9  # a clock that is off by a few percent must not add up to missed samples
+SOON = 2.0  # after so long what is missing or odd is named [s]
+PEAK = 40.0  # times the mean: so far noise at rest does not reach, touches do
+SEVERAL = 3  # channels that fall: one alone drifts
+STEPS = 3  # of a clock that are logged
+SMALLER = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
 logger = logging.getLogger(__name__)
 
 
@@ -54,14 +60,32 @@ class SampleChecks:
         That it adds to.
     seekable : bool
         A recording: where its time jumps, it was led there.
+    taxels : (N,) int, optional
+        Channels that numbers are expected of; all by default.
+
+    Attributes
+    ----------
+    silent : (channels,) bool
+        Those of them that never sent a number.
+    unheard : int
+        How many they are.
     """
 
-    def __init__(self, info: StreamInfo, counts: Counts, *, seekable: bool) -> None:
+    def __init__(
+        self, info: StreamInfo, counts: Counts, *, seekable: bool, taxels: IntArray | None = None
+    ) -> None:
         self._info, self._counts, self._seekable = info, counts, seekable
         self._last = self._arrived = float("nan")
         self._behind = 0.0  # periods that samples are late by now
         self._good: NDArray[Any] = np.zeros(info.channels, np.float64)
         self._in_range = True  # until a sample lies far beyond
+        self.silent: BoolArray = np.zeros(info.channels, bool)
+        self.silent[slice(None) if taxels is None else taxels] = True
+        self.unheard = int(self.silent.sum())
+        # What the first seconds are watched for: how large values are, and on how many channels.
+        self._enough = round(SOON * (info.rate or 50.0))
+        self._rows, self._misfits, self._top, self._sum = 0, 0, 0.0, 0.0
+        self._watched, self._told, self._timed = True, False, False
 
     def forget(self) -> None:
         """The recording was led elsewhere: the next sample may be the last one once more."""
@@ -74,8 +98,13 @@ class SampleChecks:
         if width != self._info.channels:
             name = "short" if width < self._info.channels else "long"
             setattr(self._counts, name, getattr(self._counts, name) + len(block))
+            self._misfits += len(block)
+            if self._misfits - len(block) < self._enough <= self._misfits:
+                self._warn(f"{width} values a sample, not {self._info.channels}: none is used")
             return
         values = self._mended(block.values)
+        if self._watched and block.values.dtype.kind in "fi":
+            self._watch(block.values)
         passed, self._arrived = block.arrived - self._arrived, block.arrived
         # What is missing takes time; where none has passed here, only the clock went on.
         jumped = len(block) > 0 and block.times[-1] - self._last > passed + JUMP
@@ -88,7 +117,8 @@ class SampleChecks:
                     yield anew, block.times[rows], values[rows]
                 rows, anew = [], True
                 self._counts.restarts += 1
-                if not self._seekable:
+                self._check_times(time - self._last)
+                if not self._seekable and self._counts.restarts <= STEPS:
                     logger.warning(
                         "the clock of %r stepped by %.3g s", self._info.name, time - self._last
                     )
@@ -99,6 +129,17 @@ class SampleChecks:
             yield anew, block.times, values
         elif rows:
             yield anew, block.times[rows], values[rows]
+
+    def _check_times(self, step: float) -> None:
+        """Warn once of samples that lie as far apart as if times were in smaller units."""
+        for unit, scale in SMALLER.items():
+            if not self._timed and 0.8 < step * self._info.rate / scale < 1.25:
+                self._timed = True
+                warnings.warn(
+                    f"the times of {self._info.name!r} look like {unit}: they are seconds",
+                    SkinWarning,
+                    stacklevel=4,
+                )
 
     def _verdict(self, time: float, jumps: bool) -> str:
         """What becomes of a sample of this time: "use", "drop", or "anew": first of a new run.
@@ -132,13 +173,16 @@ class SampleChecks:
     def _mended(self, values: NDArray[Any]) -> NDArray[Any]:
         """The values without NaN, infinity and what lies out of the range of counts."""
         if values.dtype == np.uint8:
+            self._hear(np.True_)
             return values
         low, high = values.min(initial=0.0), values.max(initial=0.0)
         if RANGE[0] <= low and high <= RANGE[1]:  # False for NaN
+            self._hear(np.True_)
             self._good = values[-1] if len(values) else self._good
             return values
         values = np.array(values, np.float64)
         bad = ~np.isfinite(values)
+        self._hear(~bad.all(axis=0))
         self._counts.nan += int(bad.any(axis=1).sum())
         for row in np.flatnonzero(bad.any(axis=1)).tolist():
             before = values[row - 1] if row else self._good
@@ -150,3 +194,36 @@ class SampleChecks:
         values = np.clip(values, *RANGE)
         self._good = values[-1]
         return values
+
+    def _hear(self, some: NDArray[np.bool_] | np.bool_) -> None:
+        """Note which channels (channels,) sent a number."""
+        if self.unheard:
+            self.silent = self.silent & ~some
+            self.unheard = int(self.silent.sum())
+
+    def _watch(self, values: NDArray[Any]) -> None:
+        """Warn once of values (k, channels) that are none, or of another scale or sign."""
+        self._rows += len(values)
+        self._top = max(self._top, float(np.max(values, initial=0.0, where=np.isfinite(values))))
+        self._sum += float(np.nansum(np.abs(values))) / max(values.size, 1) * len(values)
+        if self._rows < self._enough:
+            return
+        if self.unheard and not self._told:
+            self._told = True
+            self._warn(
+                f"no number on {self.unheard} of {len(self.silent)} channels so far, "
+                f"{int(np.argmax(self.silent))} the first: they feel nothing"
+            )
+        falls = ((values <= -ACTIVE) & np.isfinite(values)).any(axis=0).sum() >= SEVERAL
+        if self._top <= 1.0 and self._top * self._rows > PEAK * self._sum and self._top % 1.0:
+            self._warn(
+                f"values up to {self._top:.3g}, like shares of 1: multiply them by 255, if they are"
+            )
+        elif self._top <= ACTIVE and falls:
+            self._warn(f"values down to {np.nanmin(values):.4g}: turn their sign, all are cut off")
+        elif self._top <= ACTIVE:
+            return
+        self._watched = False
+
+    def _warn(self, found: str) -> None:
+        warnings.warn(f"{self._info.name!r} sends {found}", SkinWarning, stacklevel=4)

@@ -186,7 +186,8 @@ class Sensors:
         if self.sensing.cross_talk == 0:
             return loads
         count = np.bincount(self._module)
-        means = np.stack([np.bincount(self._module, row) / count for row in loads])
+        rows = [np.bincount(self._module, row) / count for row in loads]
+        means = np.reshape(rows, (-1, len(count)))  # a slow sensor may miss a touch
         return np.asarray(loads + self.sensing.cross_talk * means[:, self._module])
 
     def lost(self, count: int, *, rng: np.random.Generator) -> BoolArray:
