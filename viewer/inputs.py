@@ -174,7 +174,10 @@ def _covariances(path: Path) -> tuple[np.ndarray, FloatArray]:
             path,
             1,
         )
-    numbers = np.array([[float(cell) for cell in row] for row in rows[1:]])
+    try:
+        numbers = np.array([[float(cell) for cell in row] for row in rows[1:]])
+    except ValueError as error:
+        raise DataFormatError(f"not a table of numbers: {error}", path) from None
     matrices = np.zeros((len(numbers), 3, 3))
     for column, (i, j) in zip(numbers[:, len(COLUMNS) :].T, ENTRIES, strict=True):
         matrices[:, i, j] = matrices[:, j, i] = column

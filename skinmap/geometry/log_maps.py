@@ -31,8 +31,35 @@ def log_map(
 
     Frames are carried along the shortest paths of the symmetric graph by the least rotation
     between normals; each step is laid into the frame at its full 3D length. On a plane the
-    coordinates are exact. Points further than `reach` [m] get NaN and inf. `frame` (2, 3) are the
-    axes at the source, any by default.
+    coordinates are exact.
+
+    Parameters
+    ----------
+    points, normals : (n, 3) float
+        [m], and unit vectors.
+    graph : (n, n) sparse array
+        Lengths of edges [m].
+    source : int
+        Number of the point.
+    reach : float
+        Points further away [m] get NaN and inf.
+    frame : (2, 3) float, optional
+        Axes at the source; any by default.
+
+    Returns
+    -------
+    (n, 2) float, (n,) float
+        Coordinates and lengths [m].
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from scipy.sparse import csr_array
+    >>> from skinmap.geometry import log_map
+    >>> points, up = np.array([[0.0, 0, 0], [0.03, 0.04, 0]]), np.tile([0.0, 0, 1], (2, 1))
+    >>> uv, length = log_map(points, up, csr_array([[0, 0.05], [0.05, 0]]), 0, 1.0)
+    >>> float(length[1]), round(float(np.hypot(*uv[1])), 6)
+    (0.05, 0.05)
     """
     frames = tangent_frames(normals[[source]]) if frame is None else np.asarray(frame)[None]
     uv, length = _log_maps(points, normals, graph, np.array([source]), reach, frames)
