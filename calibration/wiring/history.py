@@ -147,12 +147,15 @@ def keep_checkup(
     changes: list[Change] = []
     courses = []
     notes = []
+    if later := [one for one in before if datetime.fromisoformat(one.time) > when]:
+        notes.append(f"{len(later)} later check-ups of the history are not compared")
+        before = [one for one in before if one not in later]
     compared = 1
     for case in examined.cases:
         channels = case.boards.table.channels.tolist()
         times, own = checkups_of((*before, now), now.robot, case.part, channels)
         compared = max(compared, len(times))
-        if other := len(before) + 1 - len(times):
+        if other := len(before) - len(checkups_of(before, now.robot, case.part, channels)[0]):
             notes.append(f"{case.part} is not in {other} of the earlier check-ups, or they are of "
                          f"another robot or other channels")  # fmt: skip
         if len(times) > 1 and case.doctor.status != "inconsistent":

@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from skinmap.surface.surface_mesh import SurfaceMesh
 
 IN_PROFILE = "write {} in the table [flatten] of a profile (docs/trade.md)"
-LONG, SLIT = 10.0, 4.05  # edge error [%] that a hint follows, and the energy it names
+LONG, SLIT = (10.0, 50.0), 4.05  # edge errors [%] that a hint follows, and the energy it names
 KNOBS = ("iterations", "max_seconds", "max_edge_rms", "metric")
 ISOMETRY = 4.0  # as `skinmap.flat.flat_map` has it; a test compares
 EDGE_STRAIN = "edge_strain"
@@ -404,7 +404,8 @@ def _words(one: PatchRow) -> Iterator[str]:
     own, shortest = one.touches_divided, one.touches_divided_shortest
     if one.period_mm is not None:
         yield f"{name}: a tube laid flat uncut, the map repeats itself after {one.period_mm:.1f} mm"
-    if one.period_mm is None and one.edge_rms_percent > LONG and one.method not in FREE:
+    off = LONG[0] < one.edge_rms_percent <= LONG[1]
+    if off and one.period_mm is None and one.method not in FREE:
         yield (
             f"{name}: lengths are {one.edge_rms_percent:.0f} % off (rms): --max-distortion "
             f"{SLIT:g} slits it further, --seam FILE cuts where you choose"

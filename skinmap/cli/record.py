@@ -94,7 +94,7 @@ class RecordResult:
 @seed_option
 @retired(
     profile=NO_PROFILE,
-    motion="`skinmap classify RECORDING` tells how each touch moves",
+    motion="`skinmap classify RECORDING` prints the motion of each touch",
     rotate_mb="a new file begins at 1 GB; Recorder(rotate_bytes=...) in Python",
     rotate_minutes="a new file begins after an hour; Recorder(rotate_seconds=...) in Python",
     points_hz="clouds of all taxels are written once a second; Recorder(points_hz=...) in Python",

@@ -64,7 +64,7 @@ def bridged_graph(points: FloatArray, k: int, limit: float | FloatArray) -> csr_
             here = nearest_first(gap)[0]
             row.append(inside[here])
             column.append(outside[other[here]])
-            length.append(gap[here])
+            length.append(max(gap[here], np.finfo(float).tiny))  # a sparse graph drops zeros
         bridges = coo_array((length, (row, column)), shape=graph.shape).tocsr()
         graph = graph.maximum(bridges).maximum(bridges.T)
 

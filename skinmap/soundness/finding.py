@@ -24,10 +24,7 @@ HARM: dict[str, tuple[float, str]] = {
     "leak": (0.95, "record every label in several sessions, and test on sessions left out"),
     "clocks": (0.9, "align the two clocks by the line given here before comparing them"),
     "labels": (0.85, "look at these touches again with `skinmap label`"),
-    "wiring": (
-        0.85,
-        "exchange these channels in the map, or their wires",
-    ),
+    "wiring": (0.85, "exchange these channels in the map, or their wires"),
     "repeated_recording": (0.8, "use one of the two, never both sides of a split"),
     "order": (0.75, "sort the rows by time; --mend writes them so"),
     "restart": (0.7, "treat the stretches as recordings of their own"),

@@ -363,7 +363,7 @@ def _from_table(path: Path) -> Track:
     if mapping is not None and mapping.channels:
         kept = [k for k in kept if names[numbers[k]] in mapping.channels]
     times, unit = _times(None if clock is None else table[:, clock], len(table), path)
-    if mapping is not None and times is not None and mapping.time_unit != "s":
+    if mapping is not None and times is not None and mapping.time_unit is not None:
         times, unit = table[:, clock] * SECONDS[mapping.time_unit], ""
     words: dict[str, tuple[str, ...]] = {}
     for k in beside:

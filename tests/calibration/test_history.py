@@ -113,6 +113,19 @@ def test_checkups_of_another_robot_are_named(icub, tmp_path):
     assert result.notes[-1].startswith(f"{PART} is not in 1 of the earlier check-ups")
 
 
+def test_a_recording_of_before_is_compared_with_older_checkups_alone(icub, tmp_path):
+    skin = SimulatedSkin(icub, PART, [], 3)
+    found = examine_live(skin, icub, (PART,), Plan(markers=[skin]))
+    kept_now = kept_part(found.cases[0])
+    moved = msgspec.structs.replace(kept_now, baseline=[30.0] * len(kept_now.baseline))
+    later = [KeptCheckup(FORMAT, time, icub.name, "healthy", [], {PART: moved}) for time in TIMES]
+    when = datetime(2026, 1, 3, 10, tzinfo=UTC)
+    history = keep_checkup(tmp_path / "checkups", later, found, findings(found), when)
+    assert history.changes == []
+    assert history.compared == 1
+    assert history.notes == ["3 later check-ups of the history are not compared"]
+
+
 def test_checkups_of_a_person_find_what_became_weaker(icub):
     boards = boards_of(icub, PART)
     rows = [12, 60, 111, 170, 222]

@@ -260,3 +260,15 @@ def test_a_bag_is_a_recording_for_every_command(tmp_path):
     (bag / "recording.mcap").rename(bag / "other.mcap")
     with pytest.warns(SkinWarning, match="without a mapping file"), pytest.raises(MissingFileError):
         files_of(tmp_path / "bags")
+
+
+def test_bursts_are_no_silence_and_one_wrong_stamp_is_no_restart(tmp_path):
+    from skinmap.io.recordings.dumper import at_shared_times
+
+    times = np.arange(3000) / 100
+    bursts = np.repeat(np.arange(1, 121) * 0.25, 25) + np.tile(np.arange(25) * 1e-4, 120)
+    wrong = times + 5.0 * (np.arange(3000) == 1000)
+    values = np.zeros((3000, 2), np.uint8)
+    read = {"a": (times, values, None), "b": (bursts, values, None), "c": (wrong, values, None)}
+    shared, _ = at_shared_times(read, tmp_path)
+    assert len(shared) == 3000

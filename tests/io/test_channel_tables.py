@@ -350,3 +350,20 @@ def test_decimal_commas_need_no_header(tmp_path, channels):
     (one,) = read_recordings(path)
     assert (one.pressures == 8).all()
     np.testing.assert_allclose(one.times, [0.0, 0.1, 0.2])
+
+
+def test_parts_that_lost_samples_play_beside_each_other(tmp_path):
+    """A part that lost some samples was refused beside another."""
+    from skinmap.live.sources.open_recording import open_track
+    from skinmap.touch.recording import Recording, save_recordings
+
+    times, lost = np.arange(200) / 50, np.array([20, 90, 91])
+    values = np.arange(200, dtype=np.uint8)[:, None].repeat(3, axis=1)
+    whole = Recording("a", times, values, np.full(200, -1), ())
+    few = Recording("b", np.delete(times, lost), np.delete(values, lost, axis=0),
+                    np.full(197, -1), ())  # fmt: skip
+    save_recordings([whole, few], tmp_path / "t.npz")
+    track = open_track(tmp_path / "t.npz")
+    expected = values[:, 0].copy()
+    expected[[20, 90, 91]] = 19, 89, 89
+    np.testing.assert_array_equal(track.values[:][:, 3], expected)

@@ -97,7 +97,7 @@ def write_movie(path: str | Path, frames: Iterable[Picture], fps: float) -> Path
 def _encode(
     program: str, pictures: Iterable[Picture], shape: tuple[int, ...], fps: float, stage: Path
 ) -> bool:
-    """Write pictures of a shape (h, w, 3) by ffmpeg; whether it says that all went well."""
+    """Write pictures of a shape (h, w, 3) by ffmpeg; whether ffmpeg succeeded."""
     height, width = shape[:2]
     source = f"-y -v error -f rawvideo -pix_fmt rgb24 -s {width}x{height} -r {fps:g} -i -"
     words: list[str | Path] = [program, *source.split(), *CODEC.split(), stage]
@@ -105,7 +105,7 @@ def _encode(
     ffmpeg = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
     try:
         for picture in pictures:
-            with suppress(OSError):  # it has ended: its exit code says so
+            with suppress(OSError):  # it has ended: the exit code shows it
                 ffmpeg.stdin.write(picture.tobytes())  # type: ignore[union-attr]
         with suppress(OSError):
             ffmpeg.communicate()

@@ -275,7 +275,7 @@ def read_table(path: Path) -> list[Recording]:
     values, others = table[:, : len(channels)], table[:, len(channels) :]
     count = len(table)
     if mapping.time in place:
-        times = others[:, 0] * SECONDS[mapping.time_unit]
+        times = others[:, 0] * SECONDS[mapping.time_unit or "s"]
     else:
         times = np.arange(count) / (mapping.rate_hz or 1.0)
     numbers = None
@@ -421,7 +421,7 @@ def _table_of(arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Pa
         raise DataFormatError("no table of numbers called `values`, one row a sample", path)
     count, width = values.shape
     if "times" in arrays:
-        times = np.asarray(arrays["times"], np.float64) * SECONDS[mapping.time_unit]
+        times = np.asarray(arrays["times"], np.float64) * SECONDS[mapping.time_unit or "s"]
     elif mapping.rate_hz is not None:
         times = np.arange(count) / mapping.rate_hz
     else:

@@ -34,6 +34,7 @@ RANGE = (0.0, 255.0)
 LATE = 10  # samples on end that may come late; more are those of a clock that began anew
 HELD = 3.5  # usual periods of a part for which its last sample stands
 APART = 1.0  # seconds by which parts of one recording may begin and end after each other
+ODD = 3  # steps of a part, the longest, that may be gaps
 USUAL = 95.0  # percentile of the steps of a part that is its usual period
 
 
@@ -232,7 +233,7 @@ def at_shared_times(
             since = reference[np.flatnonzero(silent)[0]] - reference[0]
             warnings.warn(
                 f"{path.name}: {part!r} sent nothing at {silent.sum()} of {len(silent)} samples, "
-                f"first {since:.2f} s from the begin; they are left out of all parts",
+                f"first {since:.2f} s from the beginning; they are left out of all parts",
                 SkinWarning,
                 stacklevel=4,
             )
@@ -243,10 +244,11 @@ def _ordered(
     part: str, times: FloatArray, values: NDArray[Any], path: Path
 ) -> tuple[FloatArray, NDArray[Any]]:
     """Samples in the order of their times; a clock that began anew leaves them none."""
-    behind = np.flatnonzero(times < np.maximum.accumulate(times))
-    runs = np.split(behind, np.flatnonzero(np.diff(behind) > 1) + 1)
-    if len(longest := max(runs, key=len)) > LATE:
-        row = int(longest[0])
+    behind = times < np.maximum.accumulate(times)
+    ahead = times > np.minimum.accumulate(times[::-1])[::-1]
+    late, early = (_longest_run(one) for one in (behind, ahead))
+    if min(len(late), len(early)) > LATE:  # few samples ahead are stamps that are wrong alone
+        row = int(late[0])
         raise DataFormatError(
             f"the clock of {part!r} began anew: sample {row} is "
             f"{times[:row].max() - times[row]:.4g} s earlier than one before it",
@@ -264,7 +266,20 @@ def _held_rows(times: FloatArray, at: FloatArray) -> tuple[IntArray, NDArray[np.
     first, behind = (np.searchsorted(times, at, side=side) for side in ("left", "right"))
     to_come = np.searchsorted(at, at, side="right") - np.arange(len(at))  # of this time, with it
     rows = np.where(behind > first, np.maximum(first, behind - to_come), behind - 1).clip(0)
-    steps = np.diff(times)
-    steps = steps[steps > 0]
-    longest = HELD * float(np.percentile(steps, USUAL)) if len(steps) else np.inf
-    return rows, np.abs(at - times[rows]) > longest
+    return rows, np.abs(at - times[rows]) > HELD * _usual_step(np.diff(times))
+
+
+def _longest_run(chosen: NDArray[np.bool_]) -> IntArray:
+    """Rows of the longest run of chosen ones."""
+    rows = np.flatnonzero(chosen)
+    return max(np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1), key=len)
+
+
+def _usual_step(steps: FloatArray) -> float:
+    """Usual time between two samples [s]; of bursts the time between them."""
+    steps = np.sort(steps[steps > 0])
+    if not len(steps):
+        return np.inf
+    passed = np.cumsum(steps[: max(len(steps) - ODD, 1)])
+    most = steps[np.searchsorted(passed, 0.5 * passed[-1])]
+    return max(float(np.percentile(steps, USUAL)), float(most))

@@ -30,7 +30,8 @@ class Mapping(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         Where the suffix does not tell: a name of the recording formats.
     time : str
         Column of the times.
-    time_unit : {"s", "ms", "us"}
+    time_unit : {"s", "ms", "us"}, optional
+        Seconds where nothing is stated.
     rate_hz : float, optional
         Samples a second where there is no column of times.
     columns : tuple of str
@@ -55,7 +56,7 @@ class Mapping(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     part: str
     format: str | None = None
     time: str = "time"
-    time_unit: Literal["s", "ms", "us"] = "s"
+    time_unit: Literal["s", "ms", "us"] | None = None
     rate_hz: Positive | None = None
     columns: tuple[str, ...] = ()
     channels: dict[str, Annotated[int, msgspec.Meta(ge=0)]] = {}

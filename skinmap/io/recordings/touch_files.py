@@ -42,6 +42,7 @@ from skinmap.touch.recording import Recording
 SUFFIXES = (".npz", ".mcap")
 HOW = "`skinmap export FILE -o touches.npz` and a mapping make one of others' files"
 SAVED_CHUNK = 10.0  # [s]; nothing is saved piece by piece, so chunks close by size
+LOST = 0.1  # share of samples that a part may have lost beside the others
 SAME_TIME = 1e-6  # [s]; parts that are recorded together agree within it
 
 
@@ -208,6 +209,26 @@ def _longest(recordings: Sequence[Recording]) -> Recording:
                 f"stand beside each other; choose one part"
             )
     return longest
+
+
+def at_one_clock(recordings: Sequence[Recording]) -> list[Recording]:
+    """Parts of which some lost a few samples, at the times of the longest: the last one stands.
+
+    Parts that were sampled at other times are left as they are.
+    """
+    longest = max(recordings, key=lambda one: len(one.times), default=None)
+    found = []
+    for one in recordings:
+        times = one.times if longest is None else longest.times
+        if len(one.times):
+            times = times[times <= one.times[-1] + SAME_TIME]
+            rows = np.searchsorted(one.times, times + SAME_TIME, side="right").clip(1) - 1
+            lost = np.abs(times - one.times[rows]) > SAME_TIME
+            if 0.0 < lost.mean() < LOST and one.forces is None and one.places is None:
+                one = replace(one, times=times, pressures=one.pressures[rows],
+                              events=one.events[rows])  # fmt: skip
+        found.append(one)
+    return found
 
 
 def track_of(recordings: Sequence[Recording], path: Path) -> RecordedStream:

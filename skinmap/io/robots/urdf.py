@@ -268,7 +268,7 @@ class MeshBody(UrdfBody):
         self._tree, self._moved = {}, []
 
     def _metres(self, mesh: Path) -> float:
-        return 1.0  # `scale` says it
+        return 1.0  # `scale` holds the unit
 
 
 def shape_mesh(shape: Shape) -> tuple[FloatArray, IntArray]:
@@ -429,7 +429,7 @@ class Shape:
 class Link:
     """A link: what it shows, and its mass [kg], centre frame (4, 4) and inertia (3, 3) if said.
 
-    `visual` tells whether it shows that, or what others bump into stands in.
+    `visual` is false where collision shapes stand in for visual ones.
     """
 
     shapes: tuple[Shape, ...]

@@ -297,7 +297,7 @@ def _stacked(one: _Topic, found: _Messages, clock: str, bag: Path) -> PartLog:
         warnings.warn(
             f"{bag.name}: {(~sound).sum()} of {len(sound)} messages of {part!r} hold NaN, infinity "
             f"or another number of values and were left out, first message {first}, "
-            f"{stamps[first] - stamps[0]:.2f} s from the begin",
+            f"{stamps[first] - stamps[0]:.2f} s from the beginning",
             SkinWarning,
             stacklevel=5,
         )

@@ -63,9 +63,11 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
                 1,
             )
         places = [(COLUMNS.index(one), at) for at, one in enumerate(names) if one in COLUMNS]
-        if others := [one for one in names if one and one not in (*COLUMNS, *COVARIANCE)]:
+        others = [one for one in names if one and one not in (*COLUMNS, *COVARIANCE)]
+        if others:
+            rows = "" if COLUMNS[0] in names else "; without `channel`, rows are numbered from 0"
             warnings.warn(
-                f"{path.name}: columns that are not read: {first_few(others)[:200]}",
+                f"{path.name}: columns that are not read: {first_few(others)[:200]}{rows}",
                 SkinWarning,
                 stacklevel=2,
             )

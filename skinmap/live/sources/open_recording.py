@@ -8,7 +8,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError, check_kind
+from skinmap.errors import MissingFileError, UnknownNameError, check_kind
 from skinmap.io.recordings.mapping import find_mapping, is_own_archive
 from skinmap.io.recordings.recorded_stream import (
     Kind,
@@ -85,17 +85,12 @@ def open_recording(
     if parts is not None:
         info, columns = info.only(parts)
         values = _Columns(track.values, columns)
-    if robot is not None and path.suffix.lower() in TOUCHES:
+    if robot is not None:
+        check_skin(info, robot)
         skins = [robot.skin(part) for part in info.parts]
-        for part, width, skin in zip(info.parts, info.widths, skins, strict=True):
-            if width != len(skin):
-                raise SkinMismatchError(
-                    f"{path}: {width} taxels on {part!r}, that of {robot.name!r} has {len(skin)}"
-                )
-        check_skin(info, robot)
-        info = describe_skins(info.name, robot.name, skins, info.rate, info.kind, info.clock)
-    elif robot is not None:
-        check_skin(info, robot)
+        dense = [len(skin) for skin in skins] == list(info.widths)
+        if dense and path.suffix.lower() in TOUCHES:
+            info = describe_skins(info.name, robot.name, skins, info.rate, info.kind, info.clock)
     return Playback(
         info,
         track.times,
@@ -143,12 +138,13 @@ def open_track(
 
         return read_track(path, kind=kind)
     if suffix in TOUCHES:
-        from skinmap.io.recordings.touch_files import read_recordings, track_of
+        from skinmap.io.recordings.touch_files import at_one_clock, read_recordings, track_of
 
         if own := _exported(path):
             return own
         found = read_recordings(path)
-        return track_of([one for one in found if one.part in (parts or ())] or found, path)
+        chosen = [one for one in found if one.part in (parts or ())] or found
+        return track_of(at_one_clock(chosen), path)
     check_kind(path, "a recording", *FOREIGN)
     raise UnknownNameError("reader of recordings for", path.name, FORMATS)
 

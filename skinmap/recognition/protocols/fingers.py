@@ -118,7 +118,7 @@ def fit_thresholds(
 def chosen_number(
     found: Described, fingers: IntArray, seeds: Sequence[int]
 ) -> tuple[CountRow, list[str]]:
-    """A third of the recordings says which of `FEATURES` counts, with which thresholds.
+    """The one of `FEATURES` that counts and its thresholds, by a third of the recordings.
 
     Judged on the others; and the name of the number, of each seed.
     """

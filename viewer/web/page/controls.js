@@ -136,7 +136,6 @@ export class Controls {
     this.page.showFlat(parts[(now + 1) % parts.length].name, true);
   }
 
-  // The module or patch of what is pointed at; where there is no mouse, of what was picked.
   clear() {
     this.page.choose(-1, "taxel", false);
   }
