@@ -57,9 +57,7 @@ def test_recording_of_chosen_parts(saved):
 def test_recording_knows_the_robots_skin(saved, icub):
     source = open_source(saved(recording("left_hand", 3, 48)), robot=icub)
     assert set(source.info.fingerprints) == {"left_hand"}
-    with pytest.raises(
-        SkinMismatchError, match="47 channels for 'left_hand'; its 48 taxels on 'iCub' need 48"
-    ):
+    with pytest.raises(SkinMismatchError, match="47 channels for 'left_hand'; its 48 taxels"):
         open_source(saved(recording("left_hand", 3, 47)), robot=icub)
 
 
