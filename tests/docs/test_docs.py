@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import importlib.util
 import json
 import re
@@ -24,6 +25,7 @@ TUTORIALS = sorted((DOCS / "tutorials").glob("*.py"))
 SCHEMAS = sorted((DOCS / "schemas").glob("*.json"))
 THEORY = re.split(r"^(?=## )", (DOCS / "theory.md").read_text(encoding="utf-8"), flags=re.M)[1:]
 PAGES = sorted([*DOCS.rglob("*.md"), ROOT / "README.md", ROOT / "CONTRIBUTING.md"])
+FILE = r"\.(?:csv|db3|dxf|h5|json|log|mcap|md|np[yz]|parquet|pdf|png|py|stl|svg|toml|txt|xml|ini)$"
 BUILD = "import sys; from setuptools import build_meta; build_meta.build_wheel(sys.argv[1])"
 USE = """
 import sys
@@ -180,3 +182,38 @@ def test_theory_names_code_that_exists_and_sources_with_a_year(text):
         assert re.search(r"\b(1[89]|20)\d\d\b|as under|documentation", source), source
     for year in re.findall(r"\([A-Z][^()]*? (\d{4})\)", text):
         assert year in sources or "as under" in sources, year
+
+
+def _stands(name: str) -> bool:
+    """Whether a dotted name is a module, or what one holds; also as pages shorten it."""
+    for root in ("", "skinmap.", "skinmap.live.", "calibration."):
+        words, found = f"{root}{name}".split("."), None
+        for count in range(len(words), 0, -1):
+            try:
+                found = importlib.import_module(".".join(words[:count]))
+            except ImportError:
+                continue
+            break
+        rest = words[count:] if found is not None else [""]
+        while rest and hasattr(found, rest[0]):
+            found = getattr(found, rest.pop(0))
+        if not rest:
+            return True
+    return False
+
+
+def test_modules_that_pages_name_are_there():
+    generated = {"json.md", "benchmarks.md"}
+    # Values in examples, and names that stand in the code as texts (groups of entry points).
+    attributes = {"chart.method", "chart.reason", "info.name", "touch.kind", "touch.motion",
+                  "touch.hand", "skin.positions", "touches.pressures"}  # fmt: skip
+    code = "".join(path.read_text() for path in (ROOT / "skinmap").rglob("*.py"))
+    missing = []
+    for page in [*PAGES, ROOT / "SECURITY.md"]:
+        text = page.read_text(encoding="utf-8")
+        named = set(re.findall(r"`([a-z_]\w*(?:\.[a-z_]\w*)+)(?:\([^`]*)?`", text))
+        for name in sorted(named - attributes) if page.name not in generated else ():
+            file = re.search(FILE, name)
+            if not file and f'"{name}' not in code and not _stands(name):
+                missing.append(f"{page.name}: {name}")
+    assert not missing
