@@ -94,7 +94,7 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
 @click.option(
     "--view-file",
     type=FILE,
-    help="View to begin with (camera, style, links, pose, size, ranges, units); the window saves "
+    help="View to begin with (camera, style, links, pose, size, ranges); the window saves "
     "its view there.",
 )
 @file_option(

@@ -16,7 +16,8 @@ ones on a lattice of 120 taxels) and checks that
 
 An entry point of the group `skinmap.classifiers` gives a class or a function without arguments.
 What that makes is a `TouchClassifier`, or anything with scikit-learn's `fit` and `predict` and
-an attribute `input_kind`: "raw", "histogram", "image" or "contact-geometry".
+an attribute `input_kind`: "raw", "histogram", "image", "contact-geometry" or
+"contact-motion".
 """
 
 from __future__ import annotations
