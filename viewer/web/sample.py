@@ -47,7 +47,9 @@ def layer_message(layer: Layer) -> dict[str, Any]:
         "table": layer.table[rows, :3].tolist(),
         "categories": list(layer.categories),
         "missing": layer.missing,
-        "live": layer.live,
+        "heard": layer.heard,
+        "grey": layer.grey,
+        "cut": list(layer.cut),
     }
 
 

@@ -94,12 +94,12 @@ export class Marks {
   }
 
   // Signs on taxels whose values mean nothing: those that the sample names, and those that sent nothing
-  // where others of their part did.
-  showSigns({ header: { signs = {} }, arrays: { values: codes } }, moved = false) {
+  // where others of their part did, unless the layer has another reason to be grey.
+  showSigns({ header: { signs = {} }, arrays: { values: codes } }, grey, moved = false) {
     const said = new Map(Object.entries(signs).flatMap(([name, numbers]) => numbers.map((number) => [number, name])));
     for (const { taxels: [first, count] } of this.header.parts) {
       const own = codes.subarray(first, first + count);
-      if (own.every((code) => code === 255)) continue;
+      if (grey || own.every((code) => code === 255)) continue;
       own.forEach((code, k) => code === 255 && !said.has(first + k) && said.set(first + k, "stale"));
     }
     const key = [...said].join();
