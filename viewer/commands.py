@@ -378,7 +378,7 @@ def _session(options: Mapping[str, Any]) -> Any:
 def _check(options: Mapping[str, Any]) -> None:
     """What can be told to be wrong before anything is loaded."""
     from skinmap.display import has_display
-    from skinmap.errors import OutputError, UnknownNameError
+    from skinmap.errors import MissingFileError, OutputError, UnknownNameError
 
     if options["layer"] is not None and options["layer"].partition(":")[0] not in LAYERS:
         raise UnknownNameError("layer", options["layer"], LAYERS)
@@ -388,6 +388,9 @@ def _check(options: Mapping[str, Any]) -> None:
     for path in files:
         if not path.parent.is_dir():
             raise OutputError(f"cannot write {str(path)!r}: no folder {str(path.parent)!r}")
+    view_file = options["view_file"]
+    if files and view_file is not None and not view_file.exists():  # a window would write it
+        raise MissingFileError(view_file, "a view saved by the viewer (key v)")
     if options["web"] and files:
         raise click.UsageError("--web serves the scene, and files are asked for: one of them")
     if not options["web"] and not files and not has_display():

@@ -48,11 +48,11 @@ from viewer.results import LAYERS
 Values = Callable[[str, Moment | None], FloatArray]
 
 
-# What "touched" shows, as "touched:dwell"; how often by itself: title, unit.
+# What "touched" shows, as "touched:dwell"; how often by itself: title, unit in what is recorded.
 TOUCHED_KINDS = {
-    "": ("touches", "of each taxel, since the beginning"),
-    "dwell": ("touched for", "s, all touches together"),
-    "largest": ("largest pressure", "counts, while touched"),
+    "": ("touches", "of each taxel, in {}"),
+    "dwell": ("touched for", "s, all touches of {}"),
+    "largest": ("largest pressure", "counts, in {}"),
     "last": ("touched last", "s, from the beginning of the recording"),
 }
 # Changes of a taxel between check-ups, each with its colour.
@@ -91,6 +91,11 @@ class Layer:
         Whether values change from moment to moment.
     missing : str
         Why there are no values, for where all are NaN.
+    grey : str
+        Why a sound taxel has no value where others of its part do; empty where one that lacks it
+        is stale.
+    cut : (bool, bool)
+        Whether lower and higher values than the limits have the colours of these.
     source : callable
         (part, moment) to (n,) values.
     """
@@ -104,6 +109,13 @@ class Layer:
     categories: tuple[str, ...] = ()
     live: bool = False
     missing: str = "nothing known"
+    grey: str = ""
+    cut: tuple[bool, bool] = (False, False)
+
+    @property
+    def heard(self) -> bool:
+        """Whether a part without values is none of the source's."""
+        return self.live or (self.name.partition(":")[0] == "touched" and not self.grey)
 
     def values(self, part: str, moment: Moment | None) -> FloatArray:
         """(n,) what the taxels of a part show; NaN where nothing is known.
@@ -245,7 +257,11 @@ class Layers:
         base, _, kind = name.partition(":")
         layer: Layer = getattr(self, f"_{base}")(*[kind] * (base == "touched"))
         ranged = name in self._ranges and not layer.categories
-        return replace(layer, limits=self._ranges[name]) if ranged else layer
+        if not ranged:
+            return layer
+        (low, high), (below, above) = self._ranges[name], layer.cut
+        cut = (below or low > layer.limits[0], above or high < layer.limits[1])
+        return replace(layer, limits=(low, high), cut=cut)
 
     def stand_in(self, pair: Pair) -> None:
         """Take a place in a pair: layers are made anew, on one scale with the other's."""
@@ -364,13 +380,15 @@ class Layers:
         title, unit = "uncertainty", "mm, predicted sd in the worst direction"
         scale = (0.0, WORST_SD), ramp(UNCERTAINTY_STOPS)
         missing = "no calibration given"
-        return Layer("uncertainty", title, unit, *scale, self._found(self._sd), missing=missing)
+        source, cut = self._found(self._sd), (False, True)
+        return Layer("uncertainty", title, unit, *scale, source, missing=missing, cut=cut)
 
     def _distortion(self) -> Layer:
         strain = self._found({part: taxel_strain(skin) for part, skin in self.skins.items()})
         title, unit = "distortion of the flat map", "% of length, rms of a taxel's edges"
         scale = (0.0, WORST_STRAIN), ramp(DISTORTION_STOPS)
-        return Layer("distortion", title, unit, *scale, strain, missing="no flat map")
+        cut = (False, True)
+        return Layer("distortion", title, unit, *scale, strain, missing="no flat map", cut=cut)
 
     def _health(self) -> Layer:
         def state(part: str, moment: Moment | None) -> FloatArray:
@@ -422,6 +440,8 @@ class Layers:
         """How often, how long, how hard or when last each taxel was touched."""
         found = self._touches()
         title, unit = TOUCHED_KINDS[kind]
+        many = 0 if found is None else len(found.recordings)
+        unit = unit.format(f"all {many} recordings" if many > 1 else "the whole recording")
         table = {}
         for part, one in ({} if found is None else found.parts).items():
             values = np.asarray(getattr(one, kind or "count"), np.float64)
@@ -431,7 +451,8 @@ class Layers:
         name, top = f"touched:{kind}" if kind else "touched", max(most, 1.0)
         missing = "nothing recorded: give a recording or a folder of some with --layer touched"
         scale = (0.0, top), ramp(TOUCHED_STOPS)
-        return Layer(name, title, unit, *scale, self._found(table), missing=missing)
+        grey = "never touched" if kind == "last" else ""
+        return Layer(name, title, unit, *scale, self._found(table), missing=missing, grey=grey)
 
 
 def check_layer(name: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import starmap
 from typing import TYPE_CHECKING
@@ -76,16 +76,21 @@ def common_parts(
 
 
 def paired_touches(left: Sequence[NamedTouch], right: Sequence[NamedTouch]) -> list[Touches]:
-    """Touches of both, each with that of its part with most taxels in common, or the nearest."""
-    rest: list[NamedTouch] = list(right)
-    rows: list[Touches] = []
-    for touch in left:
-        here = [one for one in rest if one.part == touch.part]
-        mate = min(here, key=_apart(touch), default=None)
-        if mate is not None:
-            rest.remove(mate)
-        rows.append((touch, mate))
-    return rows + [(None, touch) for touch in rest]
+    """Touches of both; of a part those with most taxels in common are mates, then the nearest."""
+    ways = sorted(
+        (_apart(touch, one), k, m)
+        for k, touch in enumerate(left)
+        for m, one in enumerate(right)
+        if touch.part == one.part
+    )
+    mates: dict[int, int] = {}
+    for _, k, m in ways:  # the best of all ways first, whatever the order of the touches
+        if k not in mates and m not in mates.values():
+            mates[k] = m
+    rows: list[Touches] = [
+        (touch, right[mates[k]] if k in mates else None) for k, touch in enumerate(left)
+    ]
+    return rows + [(None, one) for m, one in enumerate(right) if m not in mates.values()]
 
 
 def moved_touch(left: NamedTouch | None, right: NamedTouch | None) -> NamedTouch:
@@ -103,9 +108,6 @@ def moved_touch(left: NamedTouch | None, right: NamedTouch | None) -> NamedTouch
     )
 
 
-def _apart(touch: NamedTouch) -> Callable[[NamedTouch], tuple[int, float]]:
-    def key(one: NamedTouch) -> tuple[int, float]:
-        shared = len(np.intersect1d(one.taxels, touch.taxels))
-        return -shared, float(np.linalg.norm(one.centre - touch.centre))
-
-    return key
+def _apart(touch: NamedTouch, one: NamedTouch) -> tuple[int, float]:
+    shared = len(np.intersect1d(one.taxels, touch.taxels))
+    return -shared, float(np.linalg.norm(one.centre - touch.centre))

@@ -3,9 +3,11 @@ import pytest
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.live.moment import Moment
+from skinmap.live.touched_taxels import Touched, TouchedPart
 from skinmap.memory_features import FEATURES
 from skinmap.neighbours.structures import find_structures
 from skinmap.touch.load_calibration import LoadCalibration
+from viewer.drawing.skin.skin_view import signs_of
 from viewer.drawing.skin.taxel_drawing import fade
 from viewer.health import DEAD, NEVER, OK, SATURATED, STALE, STATES
 from viewer.layers import LAYERS, Layers
@@ -169,3 +171,26 @@ def test_pressures_are_kilopascals_where_a_load_calibration_is_given(prepared):
     assert np.isnan(found[7])
     np.testing.assert_allclose(np.delete(found, 7), 25.0)
     assert layers.counts.unit == "counts"
+
+
+def test_a_taxel_that_was_never_touched_is_grey_and_sound(prepared):
+    skins = {"torso": prepared("torso")}
+    part = TouchedPart.of(430)
+    part.count[7], part.last[7] = 1, 3.0
+    for recordings, where in (["a"], "the whole recording"), (["a", "b"], "all 2 recordings"):
+        layers = Layers(skins, touched=lambda r=recordings: Touched(skins, {"torso": part}, r))
+        assert layers.get("touched").unit == f"of each taxel, in {where}"
+    last = layers.get("touched:last")
+    values = last.values("torso", None)
+    assert last.grey == "never touched"
+    assert np.flatnonzero(np.isfinite(values)).tolist() == [7]
+    assert len(signs_of(layers, "torso", last, values)[0]) == 0
+    assert len(signs_of(layers, "torso", layers.get("pressure"), values)[0]) == 429
+    assert (layers.get("touched").heard, last.heard) == (True, False)
+
+
+def test_ranges_that_cut_values_are_told(prepared):
+    ranges = {"pressure": (10, 40), "raw": (0, 300), "distortion": (0, 9)}
+    layers = Layers({"torso": prepared("torso")}, ranges=ranges)
+    found = [layers.get(name).cut for name in (*ranges, "uncertainty", "binary")]
+    assert found == [(True, True), *[(False, False), (False, True)], (False, True), (False, False)]

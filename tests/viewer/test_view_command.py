@@ -250,6 +250,12 @@ def test_damaged_view_file_is_told(opengl, tmp_path, text):
         view(*FOOT, "--view-file", str(path), "--screenshot", str(tmp_path / "a.png"))
 
 
+@pytest.mark.parametrize("words", [("--screenshot", "a.png"), ("--html", "a.html")])
+def test_a_mistyped_view_file_is_refused_for_a_file(tmp_path, words):
+    with pytest.raises(MissingFileError, match="no file"):
+        view(*FOOT, "--view-file", "veiw.json", words[0], str(tmp_path / words[1]))
+
+
 def test_recording_of_another_skin_is_refused(opengl, tmp_path, recording):
     with pytest.raises(SkinError, match="left_foot"):
         view("--part", "torso", "--source", str(recording), "--screenshot", str(tmp_path / "a.png"))

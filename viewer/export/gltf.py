@@ -68,7 +68,9 @@ def write_gltf(scene: Scene, path: Path) -> Path:
     for part, drawn in scene.layers.items():
         skin = drawn.skin
         radius = DISC_SHARE * skin.spacing
-        discs = polygons(skin.positions + LIFT * skin.normals, skin.normals, radius)
+        discs = polygons(
+            skin.positions + LIFT * drawn.places.scale * skin.normals, skin.normals, radius
+        )
         set_normals(discs, np.repeat(skin.normals, CORNERS, axis=0))
         colours = scene.layer.colours(scene.layer.values(part, scene.moment))
         add(f"skin {part}", skin.link, discs, np.repeat(colours, CORNERS, axis=0))

@@ -132,7 +132,8 @@ class Pointing:
         skin = self.skins[part].skin
         pose = self.scene.poses[skin.link]
         points = transform_points(pose, skin.positions)
-        return Target(points, transform_directions(pose, skin.normals), 0)
+        scale = self.scene.layers[part].places.scale
+        return Target(points, transform_directions(pose, skin.normals), 0, scale)
 
     def _map_targets(self, part: str) -> MapTargets:
         if part not in self._maps:

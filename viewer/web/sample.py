@@ -47,7 +47,9 @@ def layer_message(layer: Layer) -> dict[str, Any]:
         "table": layer.table[rows, :3].tolist(),
         "categories": list(layer.categories),
         "missing": layer.missing,
-        "live": layer.live,
+        "heard": layer.heard,
+        "grey": layer.grey,
+        "cut": list(layer.cut),
     }
 
 
@@ -169,7 +171,7 @@ class SampleWriter:
         small = sum(len(one.points) for one in self.scene.layers.values()) < 65536
         arrays[name] = ends.astype(np.uint16 if small else np.uint32)
         arrays[f"{name}.share"] = np.rint(SHARES * outline.share).astype(np.uint16)
-        normal, way = touch.normal, motion_way(touch)
+        normal, way = touch.normal, motion_way(touch, layer.places.scale)
         if normal is None:
             normal = unit(layer.skin.normals[touch.taxels].sum(axis=0))
         return {

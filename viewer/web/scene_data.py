@@ -22,7 +22,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.colours import BACKGROUND, BODY, DOT, INK, RIM, TRACES, UNKNOWN
 from viewer.drawing.body.bare_body import Links, body_meshes, check_links, posed
 from viewer.drawing.frame.camera import VIEW_ANGLE, front_view
-from viewer.drawing.skin.draw_positions import DISC_LIFT, DOT_SHARE, LIFT
+from viewer.drawing.skin.draw_positions import DOT_SHARE
 from viewer.drawing.skin.refinement import flat_vertices
 from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
 from viewer.web.packing import pack
@@ -222,9 +222,7 @@ def _add_skins(
             "flat.border": (layer.border + start).astype(np.uint32),
             "shell.points": np.asarray(layer.shell.points, np.float32),
             "shell.faces": (triangles_of(layer.shell) + shell_start).astype(np.uint32),
-            "taxel.points": (skin.skin.positions + (LIFT + DISC_LIFT) * skin.skin.normals).astype(
-                np.float32
-            ),
+            "taxel.points": layer.places.centres.astype(np.float32),
             "taxel.normals": as_bytes(skin.skin.normals),
             "taxel.uv": np.nan_to_num(skin.flat.uv).astype(np.float32),
             "taxel.channels": skin.skin.channels.astype(np.int32),
@@ -240,6 +238,7 @@ def _add_skins(
             "taxels": [taxels[number], len(skin)],
             "vertices": [start, len(layer.points)],
             "spacing": spacing,
+            "scale": layer.places.scale,
             "dot": DOT_SHARE * spacing,
             "patches": len(skin.flat.charts),
             "image": sorted(grid.shape),  # rows and columns: it lies, as for classifiers

@@ -4,6 +4,7 @@ from numpy.testing import assert_allclose
 
 from viewer.drawing.body.occlusion import Surface
 from viewer.drawing.frame.camera import (
+    Framing,
     Margins,
     Target,
     View,
@@ -125,3 +126,16 @@ def test_fit_fills_the_picture_without_cutting(opengl, view):
     assert (high <= np.array([900 - 60, 700 - 40]) + 2).all()
     room = np.array([750, 640])
     assert ((high - low) / room).max() > 0.98
+
+
+def test_a_touch_seen_at_a_flat_angle_is_not_hidden(opengl):
+    import pyvista as pv
+    from vtkmodules.vtkRenderingCore import vtkRenderer
+
+    renderer = vtkRenderer()
+    plate = Surface(pv.Cube(center=(0, 0, -0.01), x_length=0.2, y_length=0.1, z_length=0.02))
+    framing = Framing(renderer, plate, list, list, View(0, 12), Margins(0, 0, 0, 0), "still")
+    touched = Target(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), 0)
+    for elevation, hidden in ((8.0, False), (-8.0, True)):
+        renderer.GetActiveCamera().SetPosition(*View(20.0, elevation).direction)
+        assert framing.hidden(touched) is hidden

@@ -2,9 +2,12 @@ import numpy as np
 import pytest
 
 from skinmap.geometry.triangles import face_areas, signed_areas
+from skinmap.live.contacts.named_touch import NamedTouch
+from skinmap.skin.skin import Skin
 from skinmap.touch.prepared_skin import PreparedSkin
-from viewer.drawing.skin.draw_positions import body_places, flat_places, taxel_cells
+from viewer.drawing.skin.draw_positions import body_places, flat_places, mark_scale, taxel_cells
 from viewer.drawing.skin.refinement import refine
+from viewer.drawing.touches.touch_marks import LONG, arrow
 
 
 @pytest.fixture(scope="module")
@@ -66,3 +69,20 @@ def test_discs_of_neighbours_do_not_touch(tube):
     places = body_places(tube.mesh, refine(tube.mesh))
     apart = cKDTree(places.centres).query(places.centres, k=2)[0][:, 1]
     assert (2 * places.disc < apart).mean() > 0.95
+
+
+@pytest.mark.parametrize(
+    ("factor", "scale"), [(1.0, 1.0), (0.2, 0.2 * 6.5 / 4.5), (5.0, 39 * 5.0 * 6.5e-3 / 0.5)]
+)
+def test_lifts_and_arrows_are_of_the_size_of_the_skin(factor, scale):
+    grid = np.mgrid[0:12, 0:40].reshape(2, -1).T * 6.5e-3
+    flat = np.column_stack([grid, np.zeros(len(grid))])
+    up, rows = np.tile([0.0, 0.0, 1.0], (len(flat), 1)), np.arange(len(flat))
+    skin = Skin("plate", "link", rows, rows, factor * flat, up)
+    assert mark_scale(skin) == pytest.approx(scale)
+    mesh = PreparedSkin(skin).mesh
+    places = body_places(mesh, refine(mesh))
+    assert places.centres[:, 2] == pytest.approx(2.35e-3 * scale)
+    touch = NamedTouch("plate", rows[:3], np.zeros(3), "poke", 0.9, normal=up[0], peak=255.0)
+    ((points, _, _),) = arrow(touch, np.eye(4), places.scale)
+    assert np.ptp(points[:, 2]) == pytest.approx(LONG * scale)

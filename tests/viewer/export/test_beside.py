@@ -145,6 +145,8 @@ def test_touches_pair_that_lie_on_the_same_taxels():
     rows = [(one.part, one.left, one.right) for one in changed]
     assert rows == [("torso", "poke", "poke"), ("torso", "hold", "tap"), ("foot", None, "rub")]
     assert changed[1].moved_mm == pytest.approx(10.0)
+    alone = paired_touches([touch("disc", [50], 0.2), left[0]], [left[0]])
+    assert [one and one.label for _, one in alone] == [None, "poke"], "the first takes not all"
 
 
 @pytest.mark.parametrize(

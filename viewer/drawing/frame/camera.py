@@ -19,8 +19,9 @@ VIEW_ANGLE = 22.0  # vertical [deg]: long enough a lens that limbs keep their pr
 AZIMUTHS = np.arange(-180.0, 180.0, 15.0)
 ELEVATIONS = (12.0, 35.0, -10.0, 50.0)  # where a person beside the robot has their eyes
 UNUSUAL = (-25.0, 70.0, -45.0)  # only for what is seen from none of these: soles, undersides
-FACING = 0.2  # cosine between a normal and the way to the camera: flatter is not seen
+FACING = 0.2  # cosine between a normal and the way to the camera: flatter is hard to see
 CLEAR = 6e-3  # a ray starts this far above the taxel, clear of the cover it lies in [m]
+FAR = 100.0  # what hides a taxel is nearer [m]
 TURN_COST = 0.12  # of half a turn away from the front, in targets seen from straight above
 RISE_COST = 0.8  # of 90 degrees up or down
 RESTLESS = 0.15  # how much better a view must be to be worth turning to
@@ -74,11 +75,15 @@ class View:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Target:
-    """Something to be seen: points (k, 3) [m] with normals (k, 3), and the one in the middle."""
+    """Something to be seen: points (k, 3) [m] with normals (k, 3), and the one in the middle.
+
+    `scale` is that of lifts on its skin.
+    """
 
     points: FloatArray
     normals: FloatArray
     middle: int
+    scale: float = 1.0
 
 
 def front_view(normals: FloatArray) -> View:
@@ -87,13 +92,16 @@ def front_view(normals: FloatArray) -> View:
     return View(float(AZIMUTHS[int(np.argmax(scores))]) + 20.0, 12.0)
 
 
-def sees(body: Blocks, target: Target, direction: FloatArray) -> bool:
-    """Whether the middle of a target faces a far camera in that direction and is not hidden."""
+def sees(body: Blocks, target: Target, direction: FloatArray, facing: float = FACING) -> bool:
+    """Whether the middle of a target faces a far camera in that direction and is not hidden.
+
+    `facing` is the least cosine between them: of a view worth a turn, or 0 of any that shows it.
+    """
     point, normal = target.points[target.middle], target.normals[target.middle]
-    if normal @ direction < FACING:
+    if normal @ direction <= facing:
         return False
-    start = point + CLEAR * normal
-    return not body.blocks(start, start + 3.0 * direction)
+    start = point + CLEAR * target.scale * normal
+    return not body.blocks(start, start + FAR * direction)
 
 
 def best_view(targets: Sequence[Target], body: Blocks, front: View, now: View) -> View:
@@ -361,7 +369,7 @@ class Framing:
         """Whether the camera does not see the middle of a target."""
         place = np.array(self.renderer.GetActiveCamera().GetPosition())
         way = place - target.points[target.middle]
-        return not sees(self._body, target, way / np.linalg.norm(way))
+        return not sees(self._body, target, way / np.linalg.norm(way), 0.0)
 
 
 def preset(name: str, front: View) -> View:

@@ -273,7 +273,7 @@ class Canvas:
             news = view.show(layer, scene.style, values)
             changed += news
             if news or version != self._signed:
-                view.signs = signs_of(scene.data, part, values)
+                view.signs = signs_of(scene.data, part, layer, values)
                 view.drawing.sign(*view.signs)
         self._signed = version
         if self.joined.choose(changed):
@@ -286,8 +286,10 @@ class Canvas:
         nothing = all(view.empty for view in self.skins.values())
         marked = Counter(name for view in self.skins.values() for name in view.signs[1])
         notes = [layer.missing] if nothing else []
-        if not nothing and layer.live:
+        if not nothing and layer.heard:
             notes += absent(part for part, view in self.skins.items() if view.empty)
+        if not nothing and layer.grey:
+            notes.append(f"grey: {layer.grey}")
         if any(touch.normal is not None for touch in scene.touches):
             notes.append(ARROWS)
         if marked and not nothing and layer.name != "health":

@@ -42,7 +42,7 @@ HEAD = 4.2  # of the panel, above the map [font heights]
 SCALE = 3.2  # below the map, for its scale bar [font heights]
 PLOT, PLOT_SHARE = 10.0, 0.22  # height of the traces [font heights], and at most of the panel's
 LEAST = 9.0  # the same where the panel is low [font heights]
-BARS = (0.1, 0.05, 0.02, 0.01, 0.005)  # lengths of the scale bar [m]
+BARS = (10, 5, 2, 1, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.005)  # lengths of the scale bar [m]
 DOT = 0.9e-3  # largest radius of a dot [m]
 BORDER_RISE = 2e-3  # of the border above the map, over the discs [m]
 LINE_RISE = 3e-3  # of outlines above the map [m]
@@ -137,7 +137,7 @@ class FlatPanel:
         self._border.mapper.dataset = make_lines(line, edges)
         charts = len(self.flat_maps[part].charts)
         self._caption.write(f"flat map: {part.replace('_', ' ')}")
-        taxels = "1 taxel" if len(skin) == 1 else f"{len(skin)} taxels"
+        taxels = "1 taxel" if len(skin) == 1 else f"{len(skin):,} taxels"
         self._about.write(f"{taxels}, {charts} {'patch' if charts == 1 else 'patches'}")
 
     def colour(
@@ -213,7 +213,7 @@ class FlatPanel:
         self._scale.mapper.dataset = make_lines(bar, np.array([[0, 1]]))
         self._length.style(small)
         self._length.move(side, y - 0.4 * font)
-        self._length.write(f"{length * 100:g} cm")
+        self._length.write(f"{length:g} m" if length >= 1 else f"{length * 100:g} cm")
         self.list.place(side, font)
         bottom = self.list.height(font) + font
         self.plot.place((side, bottom, width - side, bottom + self._plot_height(font)), font)

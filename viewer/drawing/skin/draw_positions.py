@@ -11,10 +11,14 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
+from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import SurfaceMesh
 from viewer.drawing.frame.polydata import make_mesh
 from viewer.drawing.skin.refinement import FineSurface, flat_vertices, split
 
+# Lifts, depths and arrows are those of skins of a pitch from FINE to COARSE [m]; on finer ones they
+# shrink with it, and on coarser ones they grow as far as the skin is longer than WIDE [m].
+FINE, COARSE, WIDE = 4.5e-3, 7.0e-3, 0.5
 LIFT = 2.0e-3  # the sheet above the taxels [m]: covers lie up to 1 mm above taxels
 DISC_LIFT = 0.35e-3  # dots and discs above the sheet [m]
 DOT_SHARE = 0.16  # a dot's radius in spacings
@@ -47,6 +51,8 @@ class Places:
         Radii [m].
     lit : bool
         Whether light falls on it.
+    scale : float
+        Lifts and arrows here, in those of a usual skin.
     """
 
     points: FloatArray
@@ -63,12 +69,20 @@ class Places:
     disc: float
     dot: float
     lit: bool
+    scale: float
+
+
+def mark_scale(skin: Skin) -> float:
+    """Lifts and arrows of a skin, in those of a usual one."""
+    pitch = skin.spacing
+    size = float(np.ptp(skin.positions, axis=0).max())
+    return min(pitch / FINE, max(1.0, min(pitch / COARSE, size / WIDE)))
 
 
 def body_places(mesh: SurfaceMesh, fine: FineSurface) -> Places:
     """On the body, in the frame of the part's link: a little above the taxels."""
-    skin = mesh.skin
-    points = fine.positions + LIFT * fine.normals
+    skin, scale = mesh.skin, mark_scale(mesh.skin)
+    points = fine.positions + LIFT * scale * fine.normals
     base = fine.coarse
     cells, mids, corners = taxel_cells(base)
     # Where the fine surface has them, the middles of edges are its own: they follow the curve.
@@ -88,12 +102,13 @@ def body_places(mesh: SurfaceMesh, fine: FineSurface) -> Places:
         np.vstack([ends, ends[corners].mean(axis=1)]),
         np.vstack([bent, unit(bent[corners].sum(axis=1))]),
         fine.taxels[base.T.ravel()],
-        skin.positions + (LIFT + DISC_LIFT) * skin.normals,
+        skin.positions + (LIFT + DISC_LIFT) * scale * skin.normals,
         skin.normals,
         np.arange(len(skin)),
         DISC_SHARE * spacing,
         DOT_SHARE * spacing,
         True,
+        scale,
     )
 
 
@@ -141,6 +156,7 @@ def flat_places(flat: FlatMap, fine: FineSurface, dot: float) -> Places:
         DISC_SHARE * spacing,
         min(DOT_SHARE * spacing, dot),
         False,
+        mark_scale(mesh.skin),
     )
 
 

@@ -94,8 +94,8 @@ def build_layer(mesh: SurfaceMesh, *, levels: int = 1) -> SkinLayer:
         mesh,
         fine,
         places,
-        underside(places.points, fine),
-        underside(places.points, fine, quick=True),
+        underside(places, fine),
+        underside(places, fine, quick=True),
         border_edges(fine.faces),
         beside,
         fine.smooth @ beside,
@@ -112,22 +112,22 @@ def neighbour_mean(mesh: SurfaceMesh) -> csr_array:
     return means(row, column, (n, n))
 
 
-def underside(points: FloatArray, fine: FineSurface, *, quick: bool = False) -> pv.PolyData:
+def underside(places: Places, fine: FineSurface, *, quick: bool = False) -> pv.PolyData:
     """Edge and back of the sheet: they make it look solid, and hide its colours from behind.
 
     The edge reaches from the border down to the body; the back is the unrefined mesh. The quick
     one is an edge of the unrefined mesh without a back: where a body is drawn, it hides the back.
     """
-    faces = fine.coarse if quick else fine.faces
+    points, faces = places.points, fine.coarse if quick else fine.faces
     used, number = np.unique(border_edges(faces), return_inverse=True)
     a, b = number.reshape(-1, 2).T
     n = len(used)
     edge = np.concatenate([np.stack([a, a + n, b + n], axis=1), np.stack([a, b + n, b], axis=1)])
-    low = points[used] - EDGE_DEPTH * fine.normals[used]
+    low = points[used] - EDGE_DEPTH * places.scale * fine.normals[used]
     if quick:
         return make_mesh(np.concatenate([points[used], low]), edge)
     k = len(fine.taxels)
-    behind = fine.positions[:k] + (LIFT - BACK) * fine.normals[:k]
+    behind = fine.positions[:k] + (LIFT - BACK) * places.scale * fine.normals[:k]
     faces = np.concatenate([edge, fine.coarse[:, ::-1] + 2 * n])
     vertices = np.concatenate([points[used], low, behind])
     return make_mesh(vertices, faces)

@@ -118,10 +118,13 @@ class SkinView:
             self._draw()
 
 
-def signs_of(data: Layers, part: str, values: FloatArray) -> tuple[IntArray, list[str]]:
+def signs_of(
+    data: Layers, part: str, layer: Layer, values: FloatArray
+) -> tuple[IntArray, list[str]]:
     """Taxels whose values mean nothing, with the name of the sign that says why."""
     states, silent = data.watch.known(part), ~np.isfinite(values)
-    if silent.any() and not silent.all():  # of a part of which nothing is known its grey says so
+    # Of a part of which nothing is known its grey says so.
+    if silent.any() and not (silent.all() or layer.grey):
         states = np.where(silent & ~data.watch.unfit(part), STALE, states)
     rows = np.flatnonzero(SIGNED[states])
     return rows, [STATES[state] for state in states[rows]]

@@ -191,7 +191,9 @@ def centre_on(ground: Ground, touch: NamedTouch) -> list[tuple[FloatArray, IntAr
     return found
 
 
-def arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, IntArray, str]]:
+def arrow(
+    touch: NamedTouch, pose: FloatArray, scale: float = 1.0
+) -> list[tuple[FloatArray, IntArray, str]]:
     """An arrow out of the skin, longer the harder the press; none where no normal is known."""
     if touch.normal is None or not np.isfinite(touch.normal).all():
         return []
@@ -199,25 +201,28 @@ def arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, IntArra
     length = SHORT + round(float(share), 2) * (LONG - SHORT)
     points, faces = solid_arrow(length)
     axes = np.vstack([tangent_frames(touch.normal), touch.normal])
-    start = transform_points(pose, (touch.centre + (LIFT + LINE_LIFT) * touch.normal)[None])
-    return [(start + transform_directions(pose, points @ axes), faces, touch_colour(touch))]
+    foot = touch.centre + (LIFT + LINE_LIFT) * scale * touch.normal
+    start = transform_points(pose, foot[None])
+    return [(start + transform_directions(pose, scale * points @ axes), faces, touch_colour(touch))]
 
 
-def motion_arrow(touch: NamedTouch, pose: FloatArray) -> list[tuple[FloatArray, IntArray, str]]:
+def motion_arrow(
+    touch: NamedTouch, pose: FloatArray, scale: float = 1.0
+) -> list[tuple[FloatArray, IntArray, str]]:
     """An arrow over the skin where a touch moves, longer the faster; none of one that stays."""
-    if touch.normal is None or (way := motion_way(touch)) is None:
+    if touch.normal is None or (way := motion_way(touch, scale)) is None:
         return []
     ahead, reach = way
-    points, faces = solid_arrow(round(reach, 3))
+    points, faces = solid_arrow(round(reach / scale, 3))
     side = np.cross(ahead, touch.normal)
     axes = np.stack([MOTION_THICK * side, MOTION_THICK * np.cross(side, ahead), ahead])
-    start = transform_points(pose, (touch.centre + ABOVE * touch.normal)[None])
-    return [(start + transform_directions(pose, points @ axes), faces, touch_colour(touch))]
+    start = transform_points(pose, (touch.centre + ABOVE * scale * touch.normal)[None])
+    return [(start + transform_directions(pose, scale * points @ axes), faces, touch_colour(touch))]
 
 
 def motion_line(ground: Ground, touch: NamedTouch, lift: float) -> list[tuple[FloatArray, str]]:
     """The same as lines on the flat map."""
-    if touch.normal is None or (way := motion_way(touch)) is None:
+    if touch.normal is None or (way := motion_way(touch, ground.places.scale)) is None:
         return []
     ahead, reach = way
     side = np.cross(ahead, touch.normal)
@@ -229,12 +234,14 @@ def motion_line(ground: Ground, touch: NamedTouch, lift: float) -> list[tuple[Fl
     return [(carried_steps(ground, way, lift), colour) for way in ways]
 
 
-def motion_way(touch: NamedTouch) -> tuple[FloatArray, float] | None:
+def motion_way(touch: NamedTouch, scale: float = 1.0) -> tuple[FloatArray, float] | None:
     """Direction (3,) and length [m] of the arrow of a touch that moves; None of one that stays."""
     if touch.motion is None or touch.motion.heading == "still":
         return None
     speed = touch.motion.speed
-    return touch.motion.velocity / speed, float(np.clip(AHEAD * speed, NEAREST, FARTHEST))
+    return touch.motion.velocity / speed, float(
+        np.clip(AHEAD * speed, NEAREST * scale, FARTHEST * scale)
+    )
 
 
 @lru_cache(maxsize=64)
@@ -302,7 +309,8 @@ class Rings:
                 (INNER - RING_HALO, OUTER + RING_HALO, RISE, True),
                 (INNER, OUTER, 2 * RISE, False),
             ):
-                centres = places.centres[rows] + rise * places.facing[rows]
+                lift = rise * (places.scale if places.lit else 1.0)
+                centres = places.centres[rows] + lift * places.facing[rows]
                 quads = ring_quads(
                     centres, places.facing[rows], inner * places.disc, outer * places.disc
                 )

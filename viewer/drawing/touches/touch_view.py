@@ -77,22 +77,24 @@ class TouchView:
             layer = self.layers[touch.part]
             pose = poses[layer.skin.link]
             ground = self._ground(touch.part)
+            scale = layer.places.scale
+            lift = LINE_LIFT * scale
             for points, colour in (
-                *trail_on(ground, touch, LINE_LIFT),
+                *trail_on(ground, touch, lift),
                 (
-                    self.contours.of(ground, layer, touch, touches, LINE_LIFT),
+                    self.contours.of(ground, layer, touch, touches, lift),
                     touch_colour(touch),
                 ),
             ):
                 placed = transform_points(pose, points.reshape(-1, 3)).reshape(-1, 2, 3)
                 lines.append((placed, colour))
-            arrows = arrow(touch, pose)
-            solids += arrows + motion_arrow(touch, pose)
+            arrows = arrow(touch, pose, scale)
+            solids += arrows + motion_arrow(touch, pose, scale)
             tips += [points[-1] for points, _, _ in arrows]
             self.targets.append(target(layer, touch, pose))
             normal = self.targets[-1].normals[self.targets[-1].middle]
             centre = transform_points(pose, touch.centre[None])[0]
-            anchors.append(centre + (LIFT + LINE_LIFT) * normal)
+            anchors.append(centre + (LIFT + LINE_LIFT) * scale * normal)
         self._anchors = np.array(anchors).reshape(-1, 3)
         self._tips = np.array(tips).reshape(-1, 3)
         self.marks.show(lines, solids, faded=faded)
@@ -174,7 +176,7 @@ def target(layer: SkinLayer, touch: NamedTouch, pose: FloatArray) -> Target:
     if not len(points):  # a touch without taxels is where its centre is
         near = int(np.argmin(np.linalg.norm(skin.positions - touch.centre, axis=1)))
         normals = transform_directions(pose, skin.normals[[near]])
-        return Target(transform_points(pose, touch.centre[None]), normals, 0)
+        return Target(transform_points(pose, touch.centre[None]), normals, 0, layer.places.scale)
     middle = int(np.argmin(np.linalg.norm(points - touch.centre, axis=1)))
     normals = transform_directions(pose, skin.normals[touch.taxels])
-    return Target(transform_points(pose, points), normals, middle)
+    return Target(transform_points(pose, points), normals, middle, layer.places.scale)

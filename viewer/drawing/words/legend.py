@@ -20,7 +20,6 @@ LENGTH, THICK = 13.5, 0.85  # of the bar
 SHARE = 0.32  # of the picture's height that the bar takes at most
 WIDE = 9.0  # longer lines are broken: beside them stands the body
 ROW = 1.55  # between two categories
-CLIPPED = ("uncertainty", "distortion")  # their values go beyond the limits
 BAR_STEPS = 64
 
 LOW = 24.0  # height of a picture that has room for notes, in letters
@@ -52,6 +51,7 @@ class Legend:
             layer.name,
             layer.unit,
             layer.limits,
+            layer.cut,
             font_px,
             tuple(notes),
             faded,
@@ -129,10 +129,11 @@ class Legend:
         low, high = layer.limits
         for share in (0.0, 0.5, 1.0):
             value = low + share * (high - low)
-            more = "+" if share == 1.0 and layer.name in CLIPPED else ""
             words = f"{value:.0f}" if high - low >= 20 else f"{value:.3g}"
+            if share in (0.0, 1.0) and layer.cut[int(share)]:
+                words = f"{words}+" if share else f"≤{words}"
             y = bottom + share * length + 0.5 * font
-            self._write(words + more, left + 1.5 * thick, y, font)
+            self._write(words, left + 1.5 * thick, y, font)
         return quads, bottom + length + 2.1 * font
 
     def _categories(

@@ -97,7 +97,7 @@ class Page {
   markAll() {
     this.marks.showChosen(this.chosen, true);
     if (!this.sample) return;
-    this.marks.showSigns(this.sample, true);
+    this.marks.showSigns(this.sample, this.layer.grey, true);
     this.marks.showTouches(this.sample);
   }
 
@@ -130,7 +130,7 @@ class Page {
     const values = this.smoother.carry(arrays.values);
     this.picture.setValues(arrays.values, values);
     this.flat.setValues(arrays.values, values);
-    this.marks.showSigns(message);
+    this.marks.showSigns(message, this.layer.grey);
     this.marks.showTouches(message);
     this.controls.sampleCame(header);
     this.writing ??= setTimeout(() => this.write(), WRITE);

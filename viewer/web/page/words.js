@@ -91,11 +91,12 @@ export class Words {
     $("bar-title").textContent = layer.title;
     $("bar-unit").textContent = layer.unit;
     this.missing = layer.missing;
-    this.live = layer.live;
+    [this.heard, this.grey] = [layer.heard, layer.grey];
     $("bar-scale").hidden = layer.categories.length > 0;
     $("bar-colours").style.background = `linear-gradient(to top, ${layer.table.map(css).join(",")})`;
-    const [low, high] = layer.limits;
-    $("bar-ticks").replaceChildren(...[1, 0.5, 0].map((share) => made("li", `${Number((low + share * (high - low)).toPrecision(3))}`)));
+    const [low, high] = layer.limits, [below, above] = layer.cut;
+    const tick = (share) => `${Number((low + share * (high - low)).toPrecision(3))}`;
+    $("bar-ticks").replaceChildren(...[tick(1) + (above ? "+" : ""), tick(0.5), (below ? "≤" : "") + tick(0)].map((text) => made("li", text)));
     $("bar-names").replaceChildren(...layer.categories.map((name, k) => {
       const item = made("li"), swatch = made("i");
       swatch.style.background = css(layer.table[k]);
@@ -109,10 +110,11 @@ export class Words {
   showNotes(silent, parts, touched, signs = {}) {
     const none = silent.length === parts.length, notes = [];
     if (none) notes.push(this.missing);
-    else if (silent.length && this.live) {
+    else if (silent.length && this.heard) {
       const named = silent.length <= NAMED ? silent.map((part) => words(part.name)).join(", ") : `${silent.length} parts`;
       notes.push(`grey: not in this source: ${named}`);
     }
+    if (!none && this.grey) notes.push(`grey: ${this.grey}`);
     if (touched) notes.push(ARROWS);
     const marked = Object.entries(signs).map(([name, numbers]) => `${numbers.length.toLocaleString("en")} ${name}`);
     if (marked.length && !none) notes.push(`with a sign, not to be trusted: ${marked.join(", ")}`);
