@@ -80,7 +80,7 @@ class SimulateResult:
     seed
         Seed of the random numbers.
     variety
-        Random spread of touches and sensors, 0 to 1.
+        Random spread of touches and sensors, 0 to 2.
     parts
         In the order of the recording.
     files
@@ -197,11 +197,11 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
 )
 @click.option(
     "--variety",
-    metavar="none|some|wide|X",
+    metavar="none|some|wide|wider|X",
     default="wide",
     show_default=True,
     help="Random spread of touches and sensors: none (pads of fixed sizes on clean "
-    "sensors), some, wide, or a number from 0 to 1.",
+    "sensors), some, wide, wider, or a number from 0 to 2.",
 )
 @click.option(
     "--fault",
