@@ -69,7 +69,7 @@ def gestures() -> tuple[str, ...]:
     >>> "poke" in skinmap.gestures()
     True
     """
-    from skinmap.touch.simulation.simulator import EVERY
+    from skinmap.touch.simulation.things import EVERY
 
     return EVERY
 

@@ -147,7 +147,7 @@ def read_profile(path: Path | str) -> Profile:
     Parameters
     ----------
     path : path-like
-        TOML; see docs/trade.md.
+        TOML; see docs/trade.md. One written by hand needs no table [profile].
 
     Returns
     -------
@@ -169,7 +169,8 @@ def read_profile(path: Path | str) -> Profile:
     """
     path = Path(path)
     read = _read_toml(path)
-    about = _about(read.pop(ABOUT, None), path)
+    by_hand = ABOUT not in read and not KNOBS.keys().isdisjoint(read)  # measured on nothing
+    about = _About(FORMAT, __version__) if by_hand else _about(read.pop(ABOUT, None), path)
     for name in read:
         if name not in KNOBS:
             raise UnknownNameError(f"table of a profile ({path})", name, [ABOUT, *KNOBS])

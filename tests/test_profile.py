@@ -48,6 +48,15 @@ def test_read_profile_gives_what_is_written(profile):
     assert read.predicted == {"flatten": {"seconds": 0.01, "error": 1.2, "unit": "%"}}
 
 
+def test_a_profile_written_by_hand_needs_settings_alone(profile):
+    read = profile("[classify]\nwords = 4\n")
+    assert (read.settings, read.robot, read.skinmap) == (
+        {"classify": {"words": 4}},
+        "",
+        __version__,
+    )
+
+
 def test_read_profile_warns_of_another_version(profile):
     with pytest.warns(SkinWarning, match=r"Skinmap 0\.0\.9, this is .*may differ"):
         profile(GOOD.replace(__version__, "0.0.9"))

@@ -18,12 +18,15 @@ from typing import Any
 
 import numpy as np
 
+from skinmap.commands.options import STREAMS
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinError, UnknownNameError
 from skinmap.flat.flat_map import FlatMap
-from skinmap.io.robots.manifest import builtin_robots, load_robot
+from skinmap.io.recordings.touch_files import recorded_robot
+from skinmap.io.robots.manifest import builtin_named, builtin_robots, load_robot
 from skinmap.io.robots.urdf import Link, UrdfBody
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
+from skinmap.live.sources.open_source import FILES, open_source, sources
 from skinmap.report.touch_figures import with_contacts
 from skinmap.skin.robot import Part, Robot
 from skinmap.skin.skin import Skin
@@ -68,9 +71,10 @@ class _Given(Session):
 
 
 def show(
-    robot: Robot | str | Path,
+    thing: Robot | Skin | FlatMap | str | Path,
     moments: Moment | Iterable[Moment] | None = None,
     *,
+    robot: Robot | str | Path | None = None,
     parts: Sequence[str] | None = None,
     seconds: float | None = None,
     path: str | Path | None = None,
@@ -79,11 +83,15 @@ def show(
 
     Parameters
     ----------
-    robot : Robot, str or Path
-        As `skinmap.load_robot` takes it.
+    thing : Robot, Skin, FlatMap, str or Path
+        A robot, its name or manifest, a skin or a flat map alone; or, without moments, a
+        recording's file or a source ("sim", "lsl:NAME", "zmq:HOST:PORT"), which is played.
     moments : Moment, TouchLoop or iterable of Moment, optional
         What is felt, pressures (n,) of 0 to 255 counts for each part; nothing by default. A
         picture shows the one that tells most. Contacts of a moment made by hand are found.
+    robot : Robot, str or Path, optional
+        Of a recording or a source: whose touches it has; by default the robot that it names, else
+        the iCub.
     parts : sequence of str, optional
         Parts to show; those of the moments by default, else all.
     seconds : float, optional
@@ -95,9 +103,8 @@ def show(
     Returns
     -------
     Path, Cell or None
-        The file; in a notebook, without moments, what stands in a cell, of a robot, a skin, a flat
-        map, a recording's file or a source's name (`viewer.picture.show_in_cell`); None after a
-        window was closed.
+        The file; what stands in a cell, in a notebook without moments, and of a skin or a flat map
+        (`viewer.picture.show_in_cell`); None after a window was closed.
 
     Raises
     ------
@@ -115,25 +122,21 @@ def show(
     >>> skinmap.show(robot, parts=["torso"], path="torso.png").name
     'torso.png'
     """
-    alone = not isinstance(robot, Robot | str | Path)  # a skin, a flat map
+    alone = not isinstance(thing, Robot | str | Path)
     if path is None and (alone or (moments is None and in_notebook())):
-        return show_in_cell(robot, parts=parts)
+        return show_in_cell(thing, robot=robot, parts=parts, seconds=seconds)
     kind = None if path is None else _kind(Path(path))
-    loaded = robot if isinstance(robot, Robot) else load_robot(robot)
-    felt, known = _felt(moments)
-    wanted = tuple(parts) if parts is not None else known or loaded.parts
-    made = moments.skins if isinstance(moments, TouchLoop) else {}
-    skins = {part: made.get(part) or PreparedSkin(loaded.skin(part)) for part in wanted}
-    if felt is not None and not isinstance(moments, TouchLoop):
-        looked = (with_contacts(one, skins) for one in felt)
-        felt = list(looked) if isinstance(felt, Sequence) else looked  # a list is read again
-    session = _Given(loaded, wanted, skins=skins, given=felt or [at_rest(skins)])
+    if moments is None or alone:
+        session, look = _session(thing, robot, parts)
+    else:
+        session, look = _felt_session(thing, moments, parts), Look()
     if path is None or kind is None:
-        scene = new_scene(session, Look(), size=SIZE, off_screen=False)
-        play(scene, session.given, seconds=math.inf if seconds is None else seconds)
+        scene = new_scene(session, look, size=SIZE, off_screen=False)
+        felt = session.given if isinstance(session, _Given) else session.live()
+        play(scene, felt, seconds=math.inf if seconds is None else seconds)
         return None
     file: dict[str, Any] = {kind: Path(path)}
-    write_files(session, Look(), Wanted(**file, seconds=seconds))
+    write_files(session, look, Wanted(**file, seconds=seconds))
     return Path(path)
 
 
@@ -156,9 +159,24 @@ def _kind(path: Path) -> str:
     return SUFFIXES[path.suffix.lower()]
 
 
+def _felt_session(
+    robot: Any, moments: Moment | Iterable[Moment], parts: Sequence[str] | None
+) -> _Given:
+    """A robot and its moments."""
+    loaded = robot if isinstance(robot, Robot) else load_robot(robot)
+    felt, known = _felt(moments)
+    wanted = tuple(parts) if parts is not None else known or loaded.parts
+    made = moments.skins if isinstance(moments, TouchLoop) else {}
+    skins = {part: made.get(part) or PreparedSkin(loaded.skin(part)) for part in wanted}
+    if not isinstance(moments, TouchLoop):
+        looked = (with_contacts(one, skins) for one in felt)
+        felt = list(looked) if isinstance(felt, Sequence) else looked  # a list is read again
+    return _Given(loaded, wanted, skins=skins, given=felt or [at_rest(skins)])
+
+
 def _felt(
-    moments: Moment | Iterable[Moment] | None,
-) -> tuple[Iterable[Moment] | None, tuple[str, ...]]:
+    moments: Moment | Iterable[Moment],
+) -> tuple[Iterable[Moment], tuple[str, ...]]:
     """The moments one by one, and the parts that they tell of where that is known before."""
     if isinstance(moments, Moment):
         return [moments], tuple(moments.pressures)
@@ -192,7 +210,11 @@ class Cell:
 
 
 def show_in_cell(
-    thing: Any, *, robot: Robot | str = "icub", parts: Iterable[str] | None = None
+    thing: Any,
+    *,
+    robot: Robot | str | Path | None = None,
+    parts: Iterable[str] | None = None,
+    seconds: float | None = None,
 ) -> Cell:
     """Show something in a notebook cell.
 
@@ -202,32 +224,61 @@ def show_in_cell(
         A skin or a flat map alone; a robot, its name or its manifest, at rest; a recording's file,
         which is played in the cell; or a source ("sim", "lsl:NAME", "zmq:HOST:PORT"), whose next
         seconds are.
-    robot : Robot or str
-        Whose touches a recording or a source has.
+    robot : Robot, str or Path, optional
+        Whose touches a recording or a source has; by default the robot that it names, else the
+        iCub.
     parts : iterable of str, optional
         Only these; all of a robot, or of what is played, by default.
+    seconds : float, optional
+        How long a recording or a source is watched [s].
 
     Returns
     -------
     Cell
         Put it at the end of a cell.
     """
+    session, look = _session(thing, robot, parts)
+    return _played(session, look.layer or "pressure", seconds)
+
+
+def _session(
+    thing: Any, robot: Robot | str | Path | None, parts: Iterable[str] | None
+) -> tuple[Session, Look]:
+    """Something at rest, or a recording or a source to be played, and how it is shown."""
+    look = Look()
+    if isinstance(thing, str | Path) and _is_source(thing):
+        loaded = robot if isinstance(robot, Robot) else load_robot(robot or _said(thing) or "icub")
+        session = Session(loaded, tuple(parts or loaded.parts), source=str(thing))
+        if parts is None:
+            session.parts = _parts_of(session)
+        session.prepare()
+        return session, look
     if isinstance(thing, Skin):
-        return _resting(*alone(PreparedSkin(thing)))
-    if isinstance(thing, FlatMap):
-        return _resting(*alone(PreparedSkin.of(thing.mesh, thing)), "distortion")
-    if str(thing) in builtin_robots() or Path(str(thing)).suffix == ".toml":
-        thing = load_robot(thing)
-    if isinstance(thing, Robot):
-        return _resting(thing, {p: PreparedSkin(thing.skin(p)) for p in parts or thing.parts})
-    if not isinstance(thing, str | Path):
+        loaded, skins = alone(PreparedSkin(thing))
+    elif isinstance(thing, FlatMap):
+        (loaded, skins), look = alone(PreparedSkin.of(thing.mesh, thing)), Look(layer="distortion")
+    elif isinstance(thing, Robot | str | Path):
+        loaded = thing if isinstance(thing, Robot) else load_robot(thing)
+        skins = {part: PreparedSkin(loaded.skin(part)) for part in parts or loaded.parts}
+    else:
         raise UnknownNameError("thing to show of type", type(thing).__name__, THINGS)
-    loaded = robot if isinstance(robot, Robot) else load_robot(robot)
-    session = Session(loaded, tuple(parts or loaded.parts), source=str(thing))
-    if parts is None:
-        session.parts = _parts_of(session)
-    session.prepare()
-    return _played(session)
+    return _Given(loaded, tuple(skins), skins=skins, given=[at_rest(skins)]), look
+
+
+def _is_source(thing: str | Path) -> bool:
+    """Whether a word is a recording or a source, rather than a robot or its manifest."""
+    path, suffix = Path(thing), Path(thing).suffix.lower()
+    if str(thing) in builtin_robots() or suffix == ".toml":
+        return False
+    return path.exists() or suffix in FILES or str(thing).partition(":")[0] in sources.names()
+
+
+def _said(thing: str | Path) -> str | None:
+    """The robot that a recording or a stream names."""
+    if str(thing).partition(":")[0] not in STREAMS:
+        return recorded_robot(Path(thing)) if Path(thing).exists() else None
+    with closing(open_source(thing)) as source:
+        return builtin_named(source.info.robot)
 
 
 def _cell(
@@ -235,7 +286,7 @@ def _cell(
     skins: Mapping[str, PreparedSkin],
     layer: str,
     moments: Sequence[Moment],
-    now: int = 0,
+    now: int,
 ) -> Cell:
     """A page that plays moments, with a picture of one of them."""
     scene = make_scene(robot, skins)
@@ -289,16 +340,12 @@ def _parts_of(session: Session) -> tuple[str, ...]:
     return found or session.parts
 
 
-def _resting(robot: Robot, skins: Mapping[str, PreparedSkin], layer: str = "pressure") -> Cell:
-    return _cell(robot, skins, layer, [at_rest(skins)])
-
-
-def _played(session: Session) -> Cell:
-    """What a source sends, played."""
+def _played(session: Session, layer: str, seconds: float | None) -> Cell:
+    """What a session sends, played."""
     excerpt, best = Excerpt(), at_rest(session.skins)
-    for moment in excerpt.watch(session.moments(None)):
+    for moment in excerpt.watch(session.moments(seconds)):
         best = max(best, moment, key=lambda one: sum(len(touch.taxels) for touch in one.touches))
     moments, now = excerpt.around(best if excerpt.moments else None)
     if not moments or now is None:
         raise InvalidArrayError(f"{session.source}: no sample to show")
-    return _cell(session.robot, session.skins, "pressure", moments, now)
+    return _cell(session.robot, session.skins, layer, moments, now)

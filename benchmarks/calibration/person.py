@@ -301,5 +301,5 @@ def parse_fault(text: str, boards: Boards) -> Fault:
                 return fault
     raise InvalidArrayError(
         f"{text!r}: {boards.part!r} has no such modules, chains, turns or channels of a module, "
-        "and nothing is exchanged with itself"
+        f"and nothing is exchanged with itself; modules: {', '.join(map(str, boards.numbers))}"
     )

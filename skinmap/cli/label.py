@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -61,7 +62,11 @@ class LabelResult:
     required=True, guarded=False,
 )  # fmt: skip
 @click.option("--find", is_flag=True, help="Find the touches again and ignore the marks.")
-@click.option("--name", metavar="LABEL", help="Name of all touches without one.")
+@click.option(
+    "--name",
+    metavar="LABEL",
+    help="Name of all touches without one; outside a terminal no key is asked for.",
+)
 @robot_option
 @retired(
     profile=NO_PROFILE,
@@ -106,7 +111,8 @@ def command(
     found = len(marks) if finding else 0
     if table is not None:
         marks = read_marks(table, marks, track.times, track.parts)
-    if output.suffix.lower() != TABLE and table is None:
+    asks = label is None or sys.stdin.isatty()  # a script that gives the name has no keys to press
+    if output.suffix.lower() != TABLE and table is None and asks:
         marks = by_keys(marks, track, recording.name)
     if label is not None:
         marks = Marks(

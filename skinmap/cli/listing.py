@@ -88,6 +88,12 @@ ABOUT = {
     "twist": "a contact that turns",
     "squeeze": "pressed harder and softer",
     "hold": "still for seconds",
+    "four": "a set: those of the first paper (the default)",
+    "eight": "a set: those of both papers",
+    "all": "a set: eight and cylinder",
+    "hand": "a set: by a hand",
+    "other": "a set: by anything else",
+    "time": "a set: those in time, stroke to hold",
     "sim": "simulated touches; sim:GESTURE, sim:raw",
     "lsl": "a stream of LabStreamingLayer, lsl:NAME",
     "mujoco": "a robot with its skin in MuJoCo, mujoco:FILE",
@@ -141,7 +147,7 @@ KINDS: dict[str, Callable[[str], dict[str, str]]] = {
     "classifiers": _described("skinmap.recognition.catalogue:classifiers"),
     "methods": _described("skinmap.flat.methods:flatteners"),
     "kinds": _kinds,
-    "gestures": _described("skinmap.touch.simulation.simulator:EVERY"),
+    "gestures": _described("skinmap.touch.simulation.things:NAMES"),
     "sources": _described("skinmap.live.sources.open_source:sources"),
 }
 

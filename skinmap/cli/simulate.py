@@ -80,7 +80,7 @@ class SimulateResult:
     seed
         Seed of the random numbers.
     variety
-        Random spread of touches and sensors, 0 to 1.
+        Random spread of touches and sensors, 0 to 2.
     parts
         In the order of the recording.
     files
@@ -175,8 +175,9 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     "gestures",
     metavar="GESTURE",
     multiple=True,
-    help="Only this gesture; may be repeated. Or four (the default), eight, all, or time: "
-    "strokes, pats, taps, rubs and more, with their true motion. With pairs, two of them at once.",
+    help="Gestures, with commas between; or four, eight, all, hand, other, time (strokes, pats, "
+    "taps and more, with their true motion). May be repeated. With pairs, two of them at once.  "
+    "[default: four]",
 )
 @click.option(
     "--subjects",
@@ -196,11 +197,11 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
 )
 @click.option(
     "--variety",
-    metavar="none|some|wide|X",
+    metavar="none|some|wide|wider|X",
     default="wide",
     show_default=True,
     help="Random spread of touches and sensors: none (pads of fixed sizes on clean "
-    "sensors), some, wide, or a number from 0 to 1.",
+    "sensors), some, wide, wider, or a number from 0 to 2.",
 )
 @click.option(
     "--fault",
@@ -251,6 +252,7 @@ def command(
     """
     from skinmap.touch.simulation.variety import variety_of
 
+    gestures = tuple(name.strip() for one in gestures for name in one.split(","))
     mujoco, paired = physics[0] == "mujoco", PAIRS in gestures
     where["variety"] = variety_of(variety)
     where["gestures"] = tuple(one for one in gestures if one != PAIRS)
@@ -303,14 +305,13 @@ def work(
     from skinmap.io.recordings.touch_files import check_suffix, save_recordings
     from skinmap.physics.simulation import simulate as press
     from skinmap.touch.simulation.pairs import simulate_pairs
-    from skinmap.touch.simulation.simulator import check_gestures, simulate
+    from skinmap.touch.simulation.simulator import simulate
     from skinmap.touch.simulation.things import gesture_set
     from skinmap.touch.simulation.variety import draw_sensing
 
     check_suffix(output)
     loaded, names = open_robot(robot, parts)
     wanted = gesture_set(gestures)
-    check_gestures(wanted)
     shared: dict[str, Any] = {"gestures": wanted, "subjects": subjects}
     steps = len(names) * per_gesture * (1 if paired else len(wanted))
     recordings = []

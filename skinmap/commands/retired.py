@@ -35,6 +35,16 @@ class NamedGroup(click.Group):
             raise click.UsageError(unknown_name("command", name, self.list_commands(ctx)), ctx)
         return name, command, args[1:]
 
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command; an option that is misspelt is answered without those that are hidden."""
+        try:
+            return super().invoke(ctx)
+        except click.NoSuchOption as error:
+            params = [] if error.ctx is None else error.ctx.command.params
+            own = [opt for one in params if not getattr(one, "hidden", False)
+                   for opt in (*one.opts, *one.secondary_opts)]  # fmt: skip
+            raise click.NoSuchOption(error.option_name, None, own, error.ctx) from None
+
 
 F = TypeVar("F", bound=Callable[..., Any])
 NO_PROFILE = "a profile holds no setting of this command"
@@ -42,6 +52,12 @@ NO_PROFILE = "a profile holds no setting of this command"
 
 class RetiredOption(click.Option):
     """A hidden option that takes anything and only answers; it does not count as an option."""
+
+    def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
+        """Answer where it stands: the word behind it, such as -1, is not read as an option."""
+        super().add_to_parser(parser, ctx)
+        own: Any = self
+        parser._long_opt[self.opts[0]].process = lambda value, _: own.callback(ctx, self, (value,))
 
 
 def retired(**instead: str) -> Callable[[F], F]:
@@ -70,9 +86,9 @@ def retired(**instead: str) -> Callable[[F], F]:
     'Error: --backend was removed: write --jobs tcp://HOST:PORT'
     """
 
-    def answer(_: click.Context, param: click.Parameter, value: tuple[str, ...]) -> None:
+    def answer(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> None:
         if value:
-            raise click.UsageError(f"{param.opts[0]} was removed: {instead[str(param.name)]}")
+            raise click.UsageError(f"{param.opts[0]} was removed: {instead[str(param.name)]}", ctx)
 
     def add(command: F) -> F:
         for name in instead:
@@ -82,8 +98,6 @@ def retired(**instead: str) -> Callable[[F], F]:
                 cls=RetiredOption,
                 hidden=True,
                 expose_value=False,
-                is_eager=True,
-                multiple=True,
                 is_flag=False,
                 flag_value="given",  # so that a word behind it is optional
                 callback=answer,

@@ -275,7 +275,7 @@ def find_structures(
     Raises
     ------
     InvalidArrayError
-        A radius, a tolerance or a number of rotations that is not positive.
+        A radius or a tolerance that is not positive, or rotations other than 1, 4 and 6.
 
     Examples
     --------
@@ -287,9 +287,9 @@ def find_structures(
     """
     hoods = skin if isinstance(skin, Neighbourhoods) else _flat_neighbourhoods(skin, radius)
     tolerance = usual_tolerance(hoods) if tolerance is None else tolerance
-    if not tolerance > 0 or rotations < 1:
+    if not tolerance > 0 or rotations not in (1, 4, LATTICE):
         raise InvalidArrayError(
-            f"tolerance must be above 0 and rotations at least 1, got {tolerance} and {rotations}"
+            f"tolerance must be above 0 and rotations 1, 4 or 6, got {tolerance} and {rotations}"
         )
     order, seen = _canonical_order(hoods), view(hoods)
     none = as_prototypes(hoods, order[:0], tolerance=tolerance, rotations=rotations)

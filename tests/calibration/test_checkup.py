@@ -388,6 +388,7 @@ def test_wrong_inputs_are_refused_in_a_line(recorded, tmp_path, patient):
     refused([swap, "--part", "torso"], UnknownNameError, "no part in")
     refused([tmp_path / "none.npz"], SkinError, "none.npz")
     refused(["sim:3", "--part", PART], SystemExit, "`sim` alone")
+    refused(["sim", "--part", PART, "--plant", "mute:99"], InvalidArrayError, "itself; modules: ")
     refused([swap, "--plant", "swap:3,7"], SystemExit, "belongs to the simulated skin")
     refused(["sim", "--part", PART, "--plant", "swap:3,3"], InvalidArrayError, "with itself")
     refused(["sim", "--part", PART, "--plant", "melt:3"], UnknownNameError, "no fault 'melt'")

@@ -149,6 +149,8 @@ def test_tables_are_printed_for_people(recording):
         (["--protocol", "kaspar", "--sweep"], "--sweep was removed: write --set sweep=yes"),
         (["--protocol", "kaspar", "--variety", "much"], "no variety level 'much'"),
         (["touches.npz", "--variety", "none"], "recorded touches have no --variety"),
+        (["--protocol", "kaspar", "--per-gesture", "3"], "--per-gesture is of cross-patch, phys"),
+        (["touches.npz", "--network", "paper"], "--network is of baxter; not of recordings"),
     ],
 )
 def test_what_cannot_be_evaluated_is_said_in_a_line(words, message):

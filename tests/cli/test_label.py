@@ -48,6 +48,12 @@ def spans(path):
     return [(one.first, one.last, one.label) for one in Marks(read_track(path).touches).touches]
 
 
+def test_a_script_names_all_touches_without_a_key(marked, tmp_path):
+    made = run("label", marked, "--find", "--name", "jab", "-o", tmp_path / "new.mcap")
+    assert made["touches"] == {"jab": made["found"]}
+    assert {label for *_, label in spans(tmp_path / "new.mcap")} == {"jab"}
+
+
 def test_marks_that_are_edited_stay_messages_that_ros_2_reads(marked, tmp_path):
     run("label", marked, "-o", tmp_path / "new.mcap", keys="n jab\nw\n")
     with AnyReader([tmp_path / "new.mcap"]) as reader:

@@ -90,7 +90,7 @@ def test_a_robot_that_is_gone_is_named(own, tmp_path):
         (("classifiers",), {"contact-geometry", "histogram"}),
         (("methods",), {"balanced", "auto"}),
         (("kinds",), {"full_finger", "three_finger", "whole_hand"}),
-        (("gestures",), {"poke", "squeeze"}),
+        (("gestures",), {"poke", "squeeze", "hand", "time"}),
         (("sources",), {"sim", "lsl"}),
         (("layers",), set(LAYERS)),
     ],

@@ -7,7 +7,7 @@ import pytest
 from click.testing import CliRunner
 
 from calibration.commands import calibrate
-from skinmap.commands.retired import retired
+from skinmap.commands.retired import NamedGroup, retired
 
 
 @click.command()
@@ -17,7 +17,9 @@ def sweep(jobs: str | None) -> None:
     click.echo(f"jobs {jobs}")
 
 
-@pytest.mark.parametrize("words", [["--backend", "dask"], ["--backend"], ["--backend=dask"]])
+@pytest.mark.parametrize(
+    "words", [["--backend", "dask"], ["--backend"], ["--backend=dask"], ["--backend", "-1"]]
+)
 def test_retired_option_answers_with_what_to_write(words):
     result = CliRunner().invoke(sweep, ["--jobs", "2", *words])
     assert result.exit_code == 2
@@ -27,6 +29,13 @@ def test_retired_option_answers_with_what_to_write(words):
 def test_retired_options_are_hidden_and_cost_nothing_when_absent():
     assert CliRunner().invoke(sweep, ["--jobs", "2"]).output == "jobs 2\n"
     assert "--split-sheets" not in CliRunner().invoke(sweep, ["--help"]).output
+
+
+def test_a_misspelt_option_is_answered_without_those_that_were_removed():
+    group = NamedGroup("skinmap", commands={"sweep": sweep})
+    result = CliRunner().invoke(group, ["sweep", "--bakend", "2"])
+    assert result.output.splitlines()[-1] == "Error: No such option '--bakend'."
+    assert "Did you mean '--jobs'?" in CliRunner().invoke(group, ["sweep", "--job", "2"]).output
 
 
 @pytest.mark.parametrize("name", ["touch", "wrap"])

@@ -89,6 +89,7 @@ def test_open_source_says_what_there_is(tmp_path):
 
 
 def test_open_source_simulates_touches_in_time():
+    open_source("sim:time,poke").close()
     source = open_source("sim:stroke,tap", robot="kaspar", parts=["left_hand"], speed=np.inf)
     while len(source.truth) < 8:
         assert len(source.read(30.0).times)

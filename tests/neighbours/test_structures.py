@@ -129,7 +129,7 @@ def test_icub_structures_stay_below_the_prototypes_counts(prepared):
         assert len(find_structures(hoods, rotations=6).prototypes) < plain
 
 
-@pytest.mark.parametrize(("tolerance", "rotations"), [(0.0, 1), (-1.0, 1), (1e-3, 0)])
+@pytest.mark.parametrize(("tolerance", "rotations"), [(0.0, 1), (-1.0, 1), (1e-3, 0), (1e-3, 5)])
 def test_find_structures_refuses_nonsense(tiling_12, tolerance, rotations):
     with pytest.raises(InvalidArrayError, match="above 0"):
         find_structures(flat_hoods(tiling_12[:12]), tolerance=tolerance, rotations=rotations)

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.errors import InvalidArrayError
+from skinmap.errors import InvalidArrayError, WrongTypeError
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import assign, find_structures
 from skinmap.touch.histograms.codebook import learn_codebook, patterns
@@ -101,6 +101,11 @@ def test_all_zero_training_gives_a_book_of_rest(tiled, rng):
 def test_learn_codebook_refuses_nothing(rng):
     with pytest.raises(InvalidArrayError, match="needs a skin and 2 words"):
         learn_codebook([], rng=rng)
+
+
+def test_one_pair_that_is_not_in_a_list_is_refused(tiled, rng):
+    with pytest.raises(WrongTypeError, match="are pairs"):
+        learn_codebook((tiled[0], touches(tiled[0], rng)), rng=rng)
 
 
 def test_counts_of_any_integer_type_are_the_same_touch(tiled, rng):

@@ -174,6 +174,9 @@ def test_gesture_sets_have_names():
     assert gesture_set(("eight",)) == EIGHT
     assert gesture_set(("poke", "four", "edge"))[-1] == "edge"
     assert gesture_set(("all",)) == tuple(GESTURES)
+    assert gesture_set(("all, time", "poke")) == gesture_set(("all", "time"))
+    with pytest.raises(UnknownNameError, match="no gesture 'tiem'; did you mean 'time'"):
+        gesture_set(("poke,tiem",))
     both = gesture_set(("hand", "other"))
     assert both == (*HAND, *OTHER)
     assert set(GESTURES) < set(both)

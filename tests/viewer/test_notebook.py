@@ -82,6 +82,20 @@ def test_a_source_is_watched_and_played_in_a_cell(icub, opengl):
     assert made.still.startswith(b"\x89PNG")
 
 
+def test_a_recording_is_of_the_robot_it_names(tmp_path, opengl):
+    from skinmap.io.recordings.touch_files import save_recordings
+
+    path, kaspar = tmp_path / "touches.npz", skinmap.load_robot("kaspar")
+    recording = skinmap.simulate(kaspar.skin("torso"), per_gesture=1, gestures=["poke"], rng=0)
+    save_recordings([recording], path, robot=kaspar)
+    assert show(path, seconds=0.5).still.startswith(b"\x89PNG")
+    short, long = (show("sim", parts=[PART], seconds=s).content for s in (0.5, 4.0))
+    assert len(short) < len(long)
+    for thing in (path, "sim", kaspar.skin("torso")):
+        written = skinmap.show(thing, path=tmp_path / "x.html", seconds=0.5)
+        assert 'id="reel"' in written.read_text(encoding="utf-8")
+
+
 def test_a_robot_is_shown_by_its_name(opengl):
     assert show("kaspar", parts=["torso"]).still.startswith(b"\x89PNG")
 

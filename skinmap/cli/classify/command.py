@@ -134,14 +134,11 @@ def _with_gestures(source: str, gestures: tuple[str, ...]) -> str:
     """A simulated source of these gestures; any other source has none to choose."""
     if not gestures:
         return source
-    from skinmap.touch.simulation.simulator import check_gestures
     from skinmap.touch.simulation.things import gesture_set
 
     if source != "sim":
         raise click.UsageError(f"--gesture is of the simulated source sim, not of {source}")
-    wanted = gesture_set([name.strip() for one in gestures for name in one.split(",")])
-    check_gestures(wanted)
-    return f"{source}:{','.join(wanted)}"
+    return f"{source}:{','.join(gesture_set(gestures))}"
 
 
 def holds_events(source: str) -> bool:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import click
+from click.core import ParameterSource
 
 from skinmap.cli.evaluate.evaluation import (
     ON_DATA,
@@ -37,6 +38,7 @@ from skinmap.report.present import present
 from skinmap.report.result import plain
 
 PREDICTING = ("prints", "load")  # protocols that write what they answered
+COUNTED = ("cross-patch", "physics", "time", "force")  # that take --per-gesture
 SEEDS = {"baxter": 10, "physics": 1, "time": 1, "force": 1}  # of the others 5
 CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clean sensors
 
@@ -78,7 +80,7 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
 )
 @click.option(
     "--variety",
-    metavar="none|some|wide|X",
+    metavar="none|some|wide|wider|X",
     help="Random spread of simulated touches and sensors, as in `skinmap simulate`.  "
     "[default: wide; kaspar, baxter: none, as in the papers]",
 )
@@ -165,6 +167,12 @@ def command(
     chosen, files = _protocol(protocol, recordings)
     if options["predictions"] and chosen not in PREDICTING:
         raise click.UsageError(f"--predictions: {chosen} writes none; of {', '.join(PREDICTING)}")
+    given = click.get_current_context().get_parameter_source("per_gesture")
+    if given is ParameterSource.COMMANDLINE and chosen not in COUNTED:
+        raise click.UsageError(f"--per-gesture is of {', '.join(COUNTED)}; not of {chosen}")
+    for name, only in {"sampling": "kaspar", "network": "baxter"}.items():
+        if options[name] and chosen != only:
+            raise click.UsageError(f"--{name} is of {only}; not of {chosen}")
     options["seeds"] = options["seeds"] or SEEDS.get(chosen, 5)
     options["variety"] = _variety(chosen, options["variety"])
     evaluation = find_evaluation(chosen)

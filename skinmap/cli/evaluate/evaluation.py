@@ -131,12 +131,9 @@ def own_settings(kind: type[Own], protocol: str, words: Sequence[str]) -> Own:
 
 def chosen_gestures(settings: Settings) -> tuple[str, ...]:
     """Names of the gestures that were asked for."""
-    from skinmap.touch.simulation.simulator import check_gestures
     from skinmap.touch.simulation.things import gesture_set
 
-    names = gesture_set([name.strip() for name in settings.own.gestures.split(",")])
-    check_gestures(names)
-    return names
+    return gesture_set([settings.own.gestures])
 
 
 def write_predictions(path: Path, arrays: Mapping[str, Any]) -> None:

@@ -75,7 +75,7 @@ def read_images(path: Path) -> LabelledImages:
         No such file, or images that are none.
     """
     if not path.exists():
-        raise MissingFileError(path, "a folder of contact images")
+        raise MissingFileError(path, "contact images: a folder or an .npz")
     if path.is_dir() and (path / ARRAYS).exists():
         path = path / ARRAYS
     if path.is_dir():

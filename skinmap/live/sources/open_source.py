@@ -135,18 +135,17 @@ def resolve_robot(robot: Robot | str | Path | None) -> Robot | None:
 def _simulated(address: str, *, robot: Robot | None, seed: int, loop: bool, **wish: Any) -> Source:
     from skinmap.io.robots.manifest import load_robot
     from skinmap.live.sources.simulated_source import SimulatedSource
-    from skinmap.touch.simulation.gestures import FOUR, TIME
-    from skinmap.touch.simulation.things import STILL
+    from skinmap.touch.simulation.things import NAMES
 
     words = [word for word in address.split(",") if word]
     raw = "raw" in words
     seeds = [word.removeprefix(SEED) for word in words if word.startswith(SEED)]
-    names = tuple(one for one in words if one != "raw" and not one.startswith(SEED)) or FOUR
-    unknown = [name for name in names if name not in (*STILL, *TIME)]
+    names = tuple(one for one in words if one != "raw" and not one.startswith(SEED))
+    unknown = [name for name in names if name not in NAMES]
     if unknown or not all(one.isascii() and one.isdecimal() for one in seeds):
         raise InvalidArrayError(
             f"the simulator is 'sim', or 'sim:' with raw, seed=N and gestures, commas between; not "
-            f"'sim:{address}'; gestures: {', '.join((*STILL, *TIME))}"
+            f"'sim:{address}'; gestures: {', '.join(NAMES)}"
         )
     seed = int(seeds[-1]) if seeds else seed
     return SimulatedSource(

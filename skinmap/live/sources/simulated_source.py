@@ -31,12 +31,12 @@ from skinmap.touch.simulation.simulator import (
     MISSES,
     SUBJECTS,
     Stage,
-    check_gestures,
     loads_over_time,
     place,
     prepare,
 )
 from skinmap.touch.simulation.subjects import Subject, draw_subjects
+from skinmap.touch.simulation.things import gesture_set
 from skinmap.touch.simulation.variety import DEFAULT, draw_sensing
 
 REST = 240  # what an iCub's taxel sends untouched; less is harder [counts]
@@ -234,9 +234,9 @@ class SimulatedSource(MadeSource):
         variety: float = DEFAULT,
         seconds: float = float("inf"),
     ) -> None:
-        check_gestures(gestures)
+        gestures = gesture_set(gestures)
         self._rate = Sensing(rate=rate).rate if sensing is None else sensing.rate
-        self._rng, self._gestures = np.random.default_rng(seed), tuple(gestures)
+        self._rng, self._gestures = np.random.default_rng(seed), gestures
         self._people: tuple[Subject, ...] = draw_subjects(SUBJECTS, rng=self._rng)
         self._stages: list[Stage] = []
         for part in dict.fromkeys(parts or robot.parts):

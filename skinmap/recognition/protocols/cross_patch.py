@@ -145,7 +145,7 @@ def touch_patches(
     per_gesture : int
         Touches of each gesture on each patch.
     variety : float
-        Random spread of touches and sensors, 0 to 1.
+        Random spread of touches and sensors, 0 to 2.
     workers : Workers
     progress : callable, optional
         Called after each patch.

@@ -39,7 +39,7 @@ class Simulated(Evaluated):
     accuracy_is
         Origin of the touches.
     variety
-        Random spread of touches and sensors, 0 to 1; 0 means pads of fixed sizes on clean
+        Random spread of touches and sensors, 0 to 2; 0 means pads of fixed sizes on clean
         sensors.
     seeds
         Seeds of the repetitions.
@@ -383,7 +383,7 @@ class BaxterResult(Evaluated):
     simulated
         Whether the touches are simulated.
     variety
-        Random spread of touches and sensors, 0 to 1.
+        Random spread of touches and sensors, 0 to 2.
     bovw, cnn, raw_rbf
         Bags of visual words, a network, raw values; those that were asked for.
     confusion

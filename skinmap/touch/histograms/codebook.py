@@ -150,7 +150,7 @@ def learn_codebook(
     rng = np.random.default_rng(rng)
     if not skins or words < 2:
         raise InvalidArrayError(f"a codebook needs a skin and 2 words, got {len(skins)}, {words}")
-    if not all(isinstance(structures, Structures) for structures, _ in skins):
+    if not all(isinstance(one, tuple | list) and isinstance(one[0], Structures) for one in skins):
         raise WrongTypeError("skins of a codebook are pairs (Structures, samples), in this order")
     prototypes = skins[0][0].prototypes
     if any(structures.prototypes is not prototypes for structures, _ in skins):

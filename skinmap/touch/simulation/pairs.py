@@ -17,11 +17,11 @@ from skinmap.touch.simulation.simulator import (
     Placed,
     Player,
     Stage,
-    check_gestures,
     place,
     prepare,
 )
 from skinmap.touch.simulation.subjects import draw_subjects
+from skinmap.touch.simulation.things import gesture_set
 from skinmap.touch.simulation.variety import DEFAULT, draw_sensing
 
 APART = 20e-3  # skin left free between two touches [m]
@@ -59,7 +59,7 @@ def simulate_pairs(
     Recording
         Labels such as "poke+whole_hand"; `owners` holds the label of each taxel.
     """
-    check_gestures(gestures)
+    gestures = gesture_set(gestures)
     answers = draw_sensing(variety, rng=rng) if sensing is None else sensing
     stage = prepare(skin, rng=rng, sensing=answers, variety=variety)
     people = draw_subjects(max(subjects, 2), rng=rng)

@@ -43,7 +43,7 @@ from skinmap.touch.simulation.subjects import (
     Subject,
     draw_subjects,
 )
-from skinmap.touch.simulation.things import BODIES, STILL
+from skinmap.touch.simulation.things import BODIES, gesture_set
 from skinmap.touch.simulation.time_gestures import TIME_GESTURES, Timing
 from skinmap.touch.simulation.variety import (
     DEFAULT,
@@ -161,7 +161,8 @@ def simulate(
         Touches of each gesture. A gesture that does not fit the skin (less than 70 % of it
         over taxels wherever it is tried; 45 % of long things) is left out.
     gestures : sequence of str
-        Names from `things.STILL` and `TIME`; the four of the first paper by default.
+        Names from `things.STILL` and `TIME`, or of sets (`things.SETS`: "time", "hand", ...);
+        the four of the first paper by default.
     subjects : int
         How many people touch, each with a hand size, force, pace and habits.
     places : {"anywhere", "habitual", "grips"}
@@ -194,7 +195,7 @@ def simulate(
     >>> recording.labels
     ('poke', 'poke')
     """
-    check_gestures(gestures)
+    gestures = tuple(gestures) and gesture_set(gestures)
     if places not in get_args(Places):
         raise UnknownNameError("place", places, get_args(Places))
     for what, count in {"per_gesture": per_gesture, "subjects": subjects,
@@ -222,16 +223,6 @@ def simulate(
             continue
         player.touch([placed])
     return player.recording()
-
-
-EVERY = (*STILL, *TIME)  # names of gestures
-
-
-def check_gestures(names: Sequence[str]) -> None:
-    """Refuse gestures that do not exist, and no gesture at all."""
-    for name in names:
-        if name not in BODIES and name not in TIME:
-            raise UnknownNameError("gesture", name, EVERY)
 
 
 def touch_loads(stage: Stage, pads: Sequence[Pad], uv: FloatArray) -> FloatArray:

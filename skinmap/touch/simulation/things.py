@@ -12,6 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from skinmap.errors import UnknownNameError
 from skinmap.touch.simulation.gestures import EIGHT, FOUR, GESTURES, TIME
 from skinmap.touch.simulation.hands import (
     HANDS,
@@ -144,19 +145,29 @@ THINGS: dict[str, Callable[[Draw], list[Body]]] = {
 }  # fmt: skip
 BODIES = {**HANDS, **THINGS}
 STILL = (*GESTURES, *THINGS)  # all touches that stay
+EVERY = (*STILL, *TIME)  # names of gestures
 HAND = ("poke", "full_finger", "three_finger", "whole_hand", "several_fingers", "grasp")
 OTHER = tuple(name for name in STILL if name not in HAND)
+SETS = {
+    "four": FOUR, "eight": EIGHT, "all": tuple(GESTURES), "hand": HAND, "other": OTHER,
+    "time": TIME,
+}  # fmt: skip
+NAMES = (*EVERY, *SETS)  # all that names gestures
 
 
 def gesture_set(names: Sequence[str]) -> tuple[str, ...]:
-    """Names of gestures, sets written out.
+    """Names of gestures, sets and names with commas between written out.
 
     `four` (the default), `eight`, `all` (those of both papers and `cylinder`), `hand` and `other`
     (that a hand is told from), `time`.
+
+    Raises
+    ------
+    UnknownNameError
+        A name that is neither a gesture nor a set.
     """
-    sets = {
-        "four": FOUR, "eight": EIGHT, "all": tuple(GESTURES), "hand": HAND, "other": OTHER,
-        "time": TIME,
-    }  # fmt: skip
-    wanted = [one for name in names or ("four",) for one in sets.get(name, (name,))]
-    return tuple(dict.fromkeys(wanted))
+    words = [word.strip() for name in names for word in name.split(",")] or ["four"]
+    for word in words:
+        if word not in NAMES:
+            raise UnknownNameError("gesture", word, NAMES)
+    return tuple(dict.fromkeys(one for word in words for one in SETS.get(word, (word,))))

@@ -37,7 +37,7 @@ def variety_of(text: str) -> float:
     Raises
     ------
     UnknownNameError, InvalidArrayError
-        Neither a level nor a number; a number outside 0 to 1.
+        Neither a level nor a number; a number outside 0 to 2.
     """
     if text in LEVELS:
         return LEVELS[text]
