@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from itertools import product
 from typing import Any, ClassVar, TypeVar
 
 import click
@@ -37,10 +38,16 @@ class NamedGroup(click.Group):
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; an option that is misspelt is answered without those that are hidden."""
+        words = [*ctx.args]
         try:
             return super().invoke(ctx)
         except click.NoSuchOption as error:
-            params = [] if error.ctx is None else error.ctx.command.params
+            if error.ctx is None:
+                raise
+            params = error.ctx.command.params
+            for one, word in product(params, words):  # a value such as -1 behind a removed option
+                if isinstance(one, RetiredOption) and word in one.opts and one.callback:
+                    one.callback(error.ctx, one, (word,))
             own = [opt for one in params if not getattr(one, "hidden", False)
                    for opt in (*one.opts, *one.secondary_opts)]  # fmt: skip
             raise click.NoSuchOption(error.option_name, None, own, error.ctx) from None
@@ -52,12 +59,6 @@ NO_PROFILE = "a profile holds no setting of this command"
 
 class RetiredOption(click.Option):
     """A hidden option that takes anything and only answers; it does not count as an option."""
-
-    def add_to_parser(self, parser: Any, ctx: click.Context) -> None:
-        """Answer where it stands: the word behind it, such as -1, is not read as an option."""
-        super().add_to_parser(parser, ctx)
-        own: Any = self
-        parser._long_opt[self.opts[0]].process = lambda value, _: own.callback(ctx, self, (value,))
 
 
 def retired(**instead: str) -> Callable[[F], F]:

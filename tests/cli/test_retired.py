@@ -21,7 +21,8 @@ def sweep(jobs: str | None) -> None:
     "words", [["--backend", "dask"], ["--backend"], ["--backend=dask"], ["--backend", "-1"]]
 )
 def test_retired_option_answers_with_what_to_write(words):
-    result = CliRunner().invoke(sweep, ["--jobs", "2", *words])
+    group = NamedGroup("skinmap", commands={"sweep": sweep})
+    result = CliRunner().invoke(group, ["sweep", "--jobs", "2", *words])
     assert result.exit_code == 2
     assert "--backend was removed: write --jobs tcp://HOST:PORT" in result.output
 
