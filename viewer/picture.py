@@ -123,6 +123,8 @@ def show(
     'torso.png'
     """
     alone = not isinstance(thing, Robot | str | Path)
+    if alone and moments is not None:
+        raise InvalidArrayError("moments are of a robot: give it instead of a skin or a flat map")
     if path is None and (alone or (moments is None and in_notebook())):
         return show_in_cell(thing, robot=robot, parts=parts, seconds=seconds)
     kind = None if path is None else _kind(Path(path))

@@ -45,7 +45,8 @@ class Moment(Drawable):
         The connected pieces of the touches one by one, each with a number of its own and the
         label of its touch.
     states : mapping of str to (n,) array of str
-        Of each part's taxels: "ok", "stuck", "noisy", "dead", or "unheard": not seen at rest yet.
+        Of each part's taxels: "ok", "stuck", "noisy", "dead", or "unheard": no number, or no rest
+        seen yet; "dead": silent while those around it were pressed.
     skins : mapping of str to PreparedSkin
         Of the parts, for `plot` and `save`; a `TouchLoop` gives them.
     block : tuple, optional

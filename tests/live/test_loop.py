@@ -489,3 +489,25 @@ def test_a_touch_named_by_how_it_goes_on_is_looked_at_less_often_the_longer_it_l
     assert asked[149:159].all()  # until another one begins beside it
     assert asked.sum() < 70
     assert len(loop.finished()) == 2
+
+
+@pytest.mark.parametrize("case", ["pause", "dead zone", "drift", "glitches"])
+def test_sound_streams_are_not_taken_for_another_kind(case):
+    """One pause of 20 s was milliseconds, small noise a share of 1, a drift the wrong sign."""
+    from skinmap.live.response.sample_checks import SampleChecks
+    from skinmap.live.sources.source import Counts
+
+    rng = np.random.default_rng(0)
+    times = np.arange(20_000) / RATE
+    values = rng.normal(0, 0.3, (len(times), 10)).astype(np.float32)
+    if case == "pause":
+        times[500:] += 20.0
+        values[600:650, :4] = 150.0
+    if case == "dead zone":
+        values = np.maximum(values - 0.75, 0)
+    if case == "drift":
+        values[:, :3] -= 0.04 * times[:, None]
+    checks = SampleChecks(StreamInfo("s", ("a",), (10,), RATE), Counts(), seekable=False)
+    for k in range(0, len(times), 5):
+        width = 9 if case == "glitches" and k % 500 == 0 else 10
+        list(checks.look(block(times[k : k + 5], values[k : k + 5, :width])))

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import skinmap
-from skinmap.errors import UnknownNameError
+from skinmap.errors import InvalidArrayError, UnknownNameError
 from viewer.picture import show_in_cell as show
 
 PART = "left_foot"
@@ -103,6 +103,8 @@ def test_a_robot_is_shown_by_its_name(opengl):
 def test_what_cannot_be_shown_is_said():
     with pytest.raises(UnknownNameError, match="thing to show of type 'int'"):
         show(3)
+    with pytest.raises(InvalidArrayError, match="moments are of a robot"):
+        skinmap.show(skinmap.load_robot("kaspar").skin("torso"), [])
 
 
 def test_skins_and_flat_maps_have_a_picture_of_their_own(icub, prepared):

@@ -34,6 +34,7 @@ RANGE = (0.0, 255.0)
 LATE = 10  # samples on end that may come late; more are those of a clock that began anew
 HELD = 3.5  # usual periods of a part for which its last sample stands
 APART = 1.0  # seconds by which parts of one recording may begin and end after each other
+BURST = 0.5  # seconds between bursts at most; longer ones are pauses
 ODD = 3  # steps of a part, the longest, that may be gaps
 USUAL = 95.0  # percentile of the steps of a part that is its usual period
 
@@ -282,4 +283,5 @@ def _usual_step(steps: FloatArray) -> float:
         return np.inf
     passed = np.cumsum(steps[: max(len(steps) - ODD, 1)])
     most = steps[np.searchsorted(passed, 0.5 * passed[-1])]
-    return max(float(np.percentile(steps, USUAL)), float(most))
+    usual = float(np.percentile(steps, USUAL))
+    return max(usual, float(most)) if most <= BURST else usual

@@ -224,7 +224,12 @@ def at_one_clock(recordings: Sequence[Recording]) -> list[Recording]:
             times = times[times <= one.times[-1] + SAME_TIME]
             rows = np.searchsorted(one.times, times + SAME_TIME, side="right").clip(1) - 1
             lost = np.abs(times - one.times[rows]) > SAME_TIME
-            if 0.0 < lost.mean() < LOST and one.forces is None and one.places is None:
+            if (
+                len(times)
+                and 0.0 < lost.mean() < LOST
+                and one.forces is None
+                and one.places is None
+            ):
                 one = replace(one, times=times, pressures=one.pressures[rows],
                               events=one.events[rows])  # fmt: skip
         found.append(one)

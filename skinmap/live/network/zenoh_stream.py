@@ -428,13 +428,15 @@ class ZenohPublisher(Ros2Publisher):
     def _send_samples(self, topic: Topic, times: FloatArray, values: NDArray[Any]) -> None:
         """Send samples at their own times, shifted to ROS time by the same each."""
         with self._sending:
-            for now, row in zip(times.tolist(), values, strict=True):
-                shift = time.time() - now
-                if not abs(shift - self._shift) < APART:  # the first, or a clock that was set
-                    self._shift = shift
-                self._stamp = round((now + self._shift) * 1e9)
-                super()._send_samples(topic, np.array([now]), row[None])
-            self._stamp = 0
+            try:
+                for now, row in zip(times.tolist(), values, strict=True):
+                    shift = time.time() - now
+                    if not abs(shift - self._shift) < APART:  # the first, or a clock that was set
+                        self._shift = shift
+                    self._stamp = round((now + self._shift) * 1e9)
+                    super()._send_samples(topic, np.array([now]), row[None])
+            finally:
+                self._stamp = 0
 
     def _put(self, topic: str, kind: str, message: bytes) -> None:
         """Send a message; beside it travels the time of its sample, or when it was sent."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Literal, Protocol, Self
 
 import numpy as np
@@ -121,6 +121,17 @@ Topic = Literal["raw", "pressure", "contacts", "labels"]
 TOPICS: tuple[Topic, ...] = ("raw", "pressure", "contacts", "labels")
 
 
+def _samples_of(moment: Moment) -> tuple[FloatArray, dict[str, Any], dict[str, Any]]:
+    """Samples of the step that ends in a moment: the last one is what the moment itself shows."""
+    times, before, raw_before = moment.block or (np.array([moment.time]), {}, {})
+
+    def rows(own: Mapping[str, Any], earlier: Mapping[str, Any]) -> dict[str, Any]:
+        return {part: np.concatenate([earlier[part][:-1], row[None]]) if part in earlier
+                else row[None].repeat(len(times), axis=0) for part, row in own.items()}  # fmt: skip
+
+    return times, rows(moment.pressures, before), rows(moment.raw, raw_before)
+
+
 class Publisher(ABC):
     """Sends what it is given, with or without listeners.
 
@@ -155,11 +166,7 @@ class Publisher(ABC):
         """
         if moment.stale:
             return
-        times, pressures, raw = moment.block or (
-            np.array([moment.time]),
-            {part: row[None] for part, row in moment.pressures.items()},
-            {part: row[None] for part, row in moment.raw.items()},
-        )
+        times, pressures, raw = _samples_of(moment)
         if "raw" in self.topics and raw:
             self.send_samples("raw", times, self._rows(raw))
         if "pressure" in self.topics:

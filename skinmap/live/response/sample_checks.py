@@ -24,7 +24,8 @@ LATER = 0.75  # periods that a sample may come late before one is missed
 FORGIVE = 0.9  # a clock that is off by a few percent must not add up to missed samples
 SOON = 2.0  # after so long what is missing or odd is named [s]
 PEAK = 40.0  # times the mean: so far noise at rest does not reach, touches do
-SEVERAL = 3  # channels that fall: one alone drifts
+SEVERAL = 3  # channels that fall or rise: one alone drifts
+SHARE = 0.05  # the least slow mean of a touched channel, as a share of full scale
 STEPS = 3  # of a clock that are logged
 SMALLER = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
 logger = logging.getLogger(__name__)
@@ -85,7 +86,8 @@ class SampleChecks:
         # What the first seconds are watched for: how large values are, and on how many channels.
         self._enough = round(SOON * (info.rate or 50.0))
         self._rows, self._misfits, self._top, self._sum = 0, 0, 0.0, 0.0
-        self._watched, self._told, self._timed = True, False, False
+        self._watched, self._told, self._timed, self._odd = True, False, False, 0
+        self._stood: FloatArray | None = None  # a slow mean of the values (channels,)
 
     def forget(self) -> None:
         """The recording was led elsewhere: the next sample may be the last one once more."""
@@ -94,6 +96,8 @@ class SampleChecks:
     def look(self, block: Block) -> Iterator[tuple[bool, FloatArray, NDArray[Any]]]:
         """Runs of good samples: whether the clock began anew, times (k,), values (k, channels)."""
         self._counts.received += len(block)
+        if not len(block):
+            return
         width = block.values.shape[1]
         if width != self._info.channels:
             name = "short" if width < self._info.channels else "long"
@@ -102,6 +106,7 @@ class SampleChecks:
             if self._misfits - len(block) < self._enough <= self._misfits:
                 self._warn(f"{width} values a sample, not {self._info.channels}: none is used")
             return
+        self._misfits = 0
         values = self._mended(block.values)
         if self._watched and block.values.dtype.kind in "fi":
             self._watch(block.values)
@@ -122,6 +127,8 @@ class SampleChecks:
                     logger.warning(
                         "the clock of %r stepped by %.3g s", self._info.name, time - self._last
                     )
+            else:
+                self._odd = 0
             if verdict != "drop":
                 rows.append(row)
                 self._last = time
@@ -132,14 +139,16 @@ class SampleChecks:
 
     def _check_times(self, step: float) -> None:
         """Warn once of samples that lie as far apart as if times were in smaller units."""
-        for unit, scale in SMALLER.items():
-            if not self._timed and 0.8 < step * self._info.rate / scale < 1.25:
-                self._timed = True
-                warnings.warn(
-                    f"the times of {self._info.name!r} look like {unit}: they are seconds",
-                    SkinWarning,
-                    stacklevel=4,
-                )
+        steps = step * self._info.rate
+        fits = [unit for unit, scale in SMALLER.items() if 0.8 < steps / scale < 1.25]
+        self._odd = self._odd + 1 if fits else 0  # a pause may be so long once
+        if self._odd >= STEPS and not self._timed:
+            self._timed = True
+            warnings.warn(
+                f"the times of {self._info.name!r} look like {fits[0]}: they are seconds",
+                SkinWarning,
+                stacklevel=4,
+            )
 
     def _verdict(self, time: float, jumps: bool) -> str:
         """What becomes of a sample of this time: "use", "drop", or "anew": first of a new run.
@@ -206,6 +215,9 @@ class SampleChecks:
         self._rows += len(values)
         self._top = max(self._top, float(np.max(values, initial=0.0, where=np.isfinite(values))))
         self._sum += float(np.nansum(np.abs(values))) / max(values.size, 1) * len(values)
+        known = np.nan_to_num(values.astype(np.float64))
+        stood = known[0] if self._stood is None else self._stood
+        self._stood = stood + (known[-1] - stood) * min(1.0, len(values) / self._enough)
         if self._rows < self._enough:
             return
         if self.unheard and not self._told:
@@ -214,8 +226,15 @@ class SampleChecks:
                 f"no number on {self.unheard} of {len(self.silent)} channels so far, "
                 f"{int(np.argmax(self.silent))} the first: they feel nothing"
             )
-        falls = ((values <= -ACTIVE) & np.isfinite(values)).any(axis=0).sum() >= SEVERAL
-        if self._top <= 1.0 and self._top * self._rows > PEAK * self._sum and self._top % 1.0:
+        # A drift is followed; a touch is as large as this at once, on several channels.
+        falls = ((known - stood <= -ACTIVE) & (known < 0)).any(axis=0).sum() >= SEVERAL
+        shares = (self._stood >= SHARE).sum() >= SEVERAL  # of noise the mean is small
+        if (
+            shares
+            and self._top <= 1.0
+            and self._top * self._rows > PEAK * self._sum
+            and self._top % 1.0
+        ):
             self._warn(
                 f"values up to {self._top:.3g}, like shares of 1: multiply them by 255, if they are"
             )

@@ -195,7 +195,8 @@ def simulate(
     >>> recording.labels
     ('poke', 'poke')
     """
-    gestures = tuple(gestures) and gesture_set(gestures)
+    gestures = tuple(gestures)
+    gestures = gestures and gesture_set(gestures)
     if places not in get_args(Places):
         raise UnknownNameError("place", places, get_args(Places))
     for what, count in {"per_gesture": per_gesture, "subjects": subjects,
