@@ -26,13 +26,13 @@ from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.channel_table import read_arrays as read_channels
 from skinmap.io.recordings.channel_table import read_cyskin_text, read_table
 from skinmap.io.recordings.cyskin_arrays import read_pressed
-from skinmap.io.recordings.dumper import read_dump, read_log
+from skinmap.io.recordings.dumper import read_log
 from skinmap.io.recordings.image_files import read_images
 from skinmap.io.recordings.learning import write_npz
 from skinmap.io.recordings.load_evidence import read_evidence
 from skinmap.io.recordings.mapping import read_mapping
 from skinmap.io.recordings.marks import Marks, read_marks
-from skinmap.io.recordings.touch_files import load_recordings, read_recordings
+from skinmap.io.recordings.touch_files import load_recordings, read_recordings, read_streams
 from skinmap.io.recordings.xdf import read_xdf
 from skinmap.io.ros2.bag import read_bag, read_bag_mapping
 from skinmap.io.ros2.message_types import build, definition, full_name, write
@@ -373,8 +373,9 @@ TARGETS = [
     Target("mcap-repair", "t.mcap", lambda: [mcap()], repaired),
     Target("xdf", "t.xdf", lambda: [xdf()], lambda p: read_xdf(p).values[:],
            ("skinmap.io.recordings.xdf.read_xdf",)),
-    Target("dump", "data.log", lambda: [dump()], lambda p: read_dump(p).values[:],
-           ("skinmap.io.recordings.dumper.read_dump",)),
+    Target("dump", "data.log", lambda: [dump()], lambda p: read_streams(p).values[:],
+           ("skinmap.io.recordings.dumper.read_dump",
+            "skinmap.io.recordings.touch_files.read_streams")),
     Target("log", "data.log", lambda: [dump()], read_log,
            ("skinmap.io.recordings.dumper.read_log",)),
     *both("model", "t.skinmodel", lambda: [model("histogram"), model("contact-geometry")],
