@@ -33,8 +33,8 @@ from skinmap.io.recordings.load_evidence import read_evidence
 from skinmap.io.recordings.mapping import read_mapping
 from skinmap.io.recordings.marks import Marks, read_marks
 from skinmap.io.recordings.touch_files import load_recordings, read_recordings, read_streams
-from skinmap.io.recordings.xdf import read_xdf
-from skinmap.io.ros2.bag import read_bag, read_bag_mapping
+from skinmap.io.recordings.xdf import read_xdf, read_xdf_parts
+from skinmap.io.ros2.bag import read_bag, read_bag_mapping, read_bag_parts
 from skinmap.io.ros2.message_types import build, definition, full_name, write
 from skinmap.io.ros2.messages import Cloud, joints_message, read_joints
 from skinmap.io.taxels.cyskin import CySkin, write_cyskin
@@ -375,7 +375,12 @@ TARGETS = [
            ("skinmap.io.recordings.xdf.read_xdf",)),
     Target("dump", "data.log", lambda: [dump()], lambda p: read_streams(p).values[:],
            ("skinmap.io.recordings.dumper.read_dump",
+            "skinmap.io.recordings.dumper.read_logs",
             "skinmap.io.recordings.touch_files.read_streams")),
+    Target("xdf-parts", "t.xdf", lambda: [xdf()], read_xdf_parts,
+           ("skinmap.io.recordings.xdf.read_xdf_parts",)),
+    Target("bag-parts", "t.mcap", lambda: [mcap()], read_bag_parts,
+           ("skinmap.io.ros2.bag.read_bag_parts",), beside={"t.map.toml": lambda: OWN_MAP}),
     Target("log", "data.log", lambda: [dump()], read_log,
            ("skinmap.io.recordings.dumper.read_log",)),
     *both("model", "t.skinmodel", lambda: [model("histogram"), model("contact-geometry")],
