@@ -210,7 +210,7 @@ def thermal_pads(table: TaxelTable, layout: ModuleLayout | None) -> np.ndarray:
     """(n,) whether a placed row is a thermal pad: by the file's word, or by slot where it errs.
 
     Files mark pads with -2, or with -1 like absent channels; a row that the file calls tactile
-    stays whatever its slot. Where the file says nothing the slots decide, if it lists the pads.
+    stays whatever its slot. Where the file is silent the slots decide, if it lists the pads.
     """
     stated = table.representative
     pads = stated == THERMAL

@@ -119,7 +119,7 @@ def read_xdf_parts(path: Path) -> dict[str, PartLog]:
 
 @dataclass(slots=True)
 class _Told:
-    """What streams say of their parts."""
+    """Parts of the streams by their own descriptions."""
 
     kind: Kind
     robot: str

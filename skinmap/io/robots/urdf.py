@@ -427,7 +427,7 @@ class Shape:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Link:
-    """A link: what it shows, and its mass [kg], centre frame (4, 4) and inertia (3, 3) if said.
+    """A link: its shapes, and its mass [kg], centre frame (4, 4) and inertia (3, 3) if stated.
 
     `visual` is false where collision shapes stand in for visual ones.
     """

@@ -123,7 +123,7 @@ def signs_of(
 ) -> tuple[IntArray, list[str]]:
     """Taxels whose values mean nothing, with the name of the sign that says why."""
     states, silent = data.watch.known(part), ~np.isfinite(values)
-    # Of a part of which nothing is known its grey says so.
+    # A part of which nothing is known is grey.
     if silent.any() and not (silent.all() or layer.grey):
         states = np.where(silent & ~data.watch.unfit(part), STALE, states)
     rows = np.flatnonzero(SIGNED[states])
