@@ -242,7 +242,7 @@ FORMAT = "skinmap-mcap-2"
 METADATA = "skinmap"
 REPAIRED = "repaired_lost_seconds"  # in the head of a file that was made from a damaged one
 TOUCHES = "/skin/touches"  # texts of JSON: docs/recordings.md
-POINTS_HZ = 1.0  # clouds of all taxels: 16 bytes a taxel, which hardly compress
+POINTS_HZ = 0.5  # clouds of all taxels: 16 bytes a taxel, which hardly compress
 TOPICS: dict[tuple[Kind, Number], str] = {
     ("raw", "UInt8"): "/skin/raw",
     ("raw", "Float32"): "/skin/raw_float",
