@@ -367,14 +367,16 @@ class Layers:
         named = min(len(CATEGORIES), len(found.prototypes))
         rank = np.where(found.labels < 0, named + 1, np.minimum(found.labels, named))
         count = np.bincount(rank, minlength=named + 2)
-        names = [f"{s + 1}: {count[s]:,} taxels" for s in range(named)]
+        names = [f"{s}: {count[s]:,} taxels" for s in range(named)]  # as `skinmap structures`
         names += [f"rarer: {count[named]:,}", f"none: {count[named + 1]:,}"]
         ends = np.cumsum([len(self.skins[part]) for part in parts])[:-1]
         ranks = np.split(rank.astype(np.float64), ends)
         table = dict(zip(parts, ranks, strict=True))
         colours = (*CATEGORIES[:named], RARER, NONE)
         source = self._found(table)
-        return categories("structures", "periodic structure", tuple(names), colours, source)
+        radii = sorted({f"{1e3 * self.skins[part].radius:.3g}" for part in parts}, key=float)
+        title = f"periodic structure within {' to '.join([radii[0], *radii[1:][-1:]])} mm"
+        return categories("structures", title, tuple(names), colours, source)
 
     def _uncertainty(self) -> Layer:
         title, unit = "uncertainty", "mm, predicted sd in the worst direction"

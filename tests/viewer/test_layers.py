@@ -93,9 +93,10 @@ def test_structures_are_those_of_the_search_the_most_common_first(prepared):
     layer = Layers({"torso": prepared("torso")}).get("structures")
     values = layer.values("torso", None)
     found = find_structures(prepared("torso").hoods, rotations=6)
+    assert layer.title == "periodic structure within 8 mm"
     for s in range(4):
         np.testing.assert_array_equal(values == s, found.labels == s)
-        assert layer.categories[s] == f"{s + 1}: {found.counts[s]:,} taxels"
+        assert layer.categories[s] == f"{s}: {found.counts[s]:,} taxels"
 
 
 def test_patches_are_the_connected_ones(layers, prepared):
