@@ -97,7 +97,7 @@ class RecordResult:
     motion="`skinmap classify RECORDING` prints the motion of each touch",
     rotate_mb="a new file begins at 1 GB; Recorder(rotate_bytes=...) in Python",
     rotate_minutes="a new file begins after an hour; Recorder(rotate_seconds=...) in Python",
-    points_hz="clouds of all taxels are written every two seconds; Recorder(points_hz=...) in Python",
+    points_hz="clouds of taxels come every two seconds; Recorder(points_hz=...) in Python",
 )
 @prints(RecordResult)
 def command(

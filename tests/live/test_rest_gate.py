@@ -137,3 +137,16 @@ def test_a_finger_that_rests_for_minutes_is_not_taken_for_drift(joined):
     samples[300::7, own] = 33  # it breathes: what stands still hangs
     found = np.concatenate([gate.apply(block) for block in np.array_split(samples, 300)])
     assert (found[300:, own] >= 30).all()
+
+
+@pytest.mark.parametrize(("rise", "warmth"), [(0.3, True), (0.8, True), (6.0, False)])
+def test_warmth_of_a_whole_part_is_followed_and_a_slow_press_of_it_is_not(joined, rise, warmth):
+    gate, rng = RestGate(joined, RATE), np.random.default_rng(5)
+    gains = np.where(joined.part_of == 0, rng.normal(1, 0.3, len(joined)).clip(0.2, 2), 0.0)
+    seconds = np.arange(40 * SECONDS)[:, None] / RATE
+    counts = gains * rise * (np.clip(seconds - 6, 0, 20) - np.clip(seconds - 28, 0, 9))
+    counts = np.clip(np.rint(counts + rng.normal(0, 1, counts.shape)), 0, 255).astype(np.uint8)
+    found = np.concatenate([gate.apply(block) for block in np.array_split(counts, 400)])
+    assert (not found[4 * SECONDS :].any()) == warmth
+    if not warmth:  # pressed to 120 counts
+        assert (found[27 * SECONDS][gains > 0.5] > 40).all()

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import BoolArray
+from skinmap.arrays import BoolArray, FloatArray
 from skinmap.live.response.pressures import REST, WINDOW
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts.rest import LOW, Rest, felt, find_rest, usual_rest
@@ -22,6 +22,9 @@ AROUND = 4  # taxels beside one that all are pressed, while it reads nothing: it
 NEVER = 5  # windows after which a taxel that was never seen at rest is stuck
 FOLLOWED = 0.05  # counts a second that levels follow drift by; no press rises so slowly
 STEADY = 1.0  # counts that rest may wander without being followed
+TOGETHER = 0.75  # of a part's taxels that move alike in two seconds: warmth, and not a hand
+GAINS = 3.0  # times the common movement that one taxel may move by
+CROWD = 12  # taxels of a part that can be so many
 SOME = 16  # one taxel of so many stands for the skin where a few are learnt
 PRESSED_FLAT = 250.0  # a reading at the end of the range stands still under a finger, too [counts]
 
@@ -30,9 +33,10 @@ class RestGate:
     """Lets touches of a joined skin of N taxels pass, and nothing else.
 
     Each taxel's levels are learnt in the first two seconds in which it is seen at rest; before,
-    they are the usual ones. They follow slow drift while the taxel is free, and what is felt above
-    them is less by as much. What is high before it was first seen at rest is not a touch: it may
-    hang. A taxel is stuck while it stands still above the level of a touch for four seconds, for
+    they are the usual ones. They follow slow drift while the taxel is free, and any drift that
+    most taxels of a part share before one of them is pressed; what is felt above them is less by
+    as much. What is high before it was first seen at rest is not a
+    touch: it may hang. A taxel is stuck while it stands still above the level of a touch for four seconds, for
     two if it was never seen at rest, or if it is never seen at rest for ten; one reading at rest
     sets it free. A taxel that never read anything is dead where all those beside it were pressed at
     once, in two windows; any reading ends that.
@@ -146,8 +150,12 @@ class RestGate:
         free, mean = self._known & (high <= self.rest.goes_on), self._window.mean(axis=0)
         self._home = np.where(free & np.isnan(self._home), mean, self._home)
         away = mean - self._home - self._drift
-        moving = free & (np.abs(away) > STEADY)
-        self._drift[moving] += np.clip(away[moving], -self._follow, self._follow)
+        low = self._known & (mean <= self.rest.goes_on) & ~stuck
+        shared = self._shared(away, low)
+        moving = (free & (np.abs(away) > STEADY)) | (low & (shared != 0.0))
+        most = np.maximum(self._follow, GAINS * np.abs(shared))[moving]
+        self._drift += np.where(low, 0.0, shared)
+        self._drift[moving] += np.clip(away[moving], -most, most)
         learnt = self._learnt
         return Rest(
             learnt.offset + self._drift,
@@ -155,3 +163,14 @@ class RestGate:
             np.maximum(LOW, learnt.goes_on + self._drift),
             stuck,
         )
+
+    def _shared(self, away: FloatArray, low: BoolArray) -> FloatArray:
+        """(N,) movement of the rest that most taxels of a part share [counts]; 0 without."""
+        shared = np.zeros(len(away))
+        for rows in self.skin.slices.values():
+            known, moved = self._known[rows], away[rows][low[rows]]
+            common = float(np.median(moved)) if len(moved) else 0.0
+            alike = np.count_nonzero(moved * np.sign(common) > STEADY / 2)
+            if alike >= max(CROWD, TOGETHER * np.count_nonzero(known)):
+                shared[rows] = np.where(known, common, 0.0)
+        return shared
