@@ -35,11 +35,11 @@ class RestGate:
     Each taxel's levels are learnt in the first two seconds in which it is seen at rest; before,
     they are the usual ones. They follow slow drift while the taxel is free, and any drift that
     most taxels of a part share before one of them is pressed; what is felt above them is less by
-    as much. What is high before it was first seen at rest is not a
-    touch: it may hang. A taxel is stuck while it stands still above the level of a touch for four seconds, for
-    two if it was never seen at rest, or if it is never seen at rest for ten; one reading at rest
-    sets it free. A taxel that never read anything is dead where all those beside it were pressed at
-    once, in two windows; any reading ends that.
+    as much. What is high before it was first seen at rest is not a touch: it may hang. A taxel is
+    stuck while it stands still above the level of a touch for four seconds, for two if it was never
+    seen at rest, or if it is never seen at rest for ten; one reading at rest sets it free. A taxel
+    that never read anything is dead where all those beside it were pressed at once, in two windows;
+    any reading ends that.
 
     Parameters
     ----------
