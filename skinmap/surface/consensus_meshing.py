@@ -15,6 +15,7 @@ from skinmap.surface.taxel_cloud import Cloud
 
 EDGE_LIMIT = 2.5  # in local spacings: spans the gap between two modules, not between patches
 SLIVER = 0.02  # in spacings: flatter triangles are three taxels in a row
+BEYOND = 10.0  # times the size of the skin: longer than any length that is meant
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -43,6 +44,11 @@ class Limits:
         for name, value in (("max_edge", max_edge), ("least_altitude", least_altitude)):
             if value is not None and not (np.isfinite(value) and value >= 0):
                 raise InvalidArrayError(f"{name} must be a length of 0 m or more, got {value}")
+            size = cloud.unit * float(np.linalg.norm(np.ptp(cloud.points, axis=0)))
+            if value is not None and value > BEYOND * size > 0.0:
+                raise InvalidArrayError(
+                    f"{name} of {value:g} m, on a skin of {size:.2g} m: is it in millimetres?"
+                )
         return cls(
             EDGE_LIMIT * cloud.spacings
             if max_edge is None
