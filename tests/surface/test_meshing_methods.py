@@ -210,7 +210,7 @@ def test_limits_follow_the_spacing_and_can_be_set(hexagons):
         build_surface(skin, least_altitude=0.01)
     with pytest.raises(InvalidArrayError, match="max_edge must be a length"):
         build_surface(skin, max_edge=-1.0)
-    with pytest.raises(InvalidArrayError, match="max_edge of 12 m.*in millimetres"):
+    with pytest.raises(InvalidArrayError, match=r"max_edge of 12 m.*in millimetres"):
         build_surface(skin, max_edge=12.0)
 
 
