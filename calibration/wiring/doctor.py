@@ -13,8 +13,7 @@ from calibration.wiring.boards import Boards, Wiring
 from calibration.wiring.evidence import Witness
 from calibration.wiring.faults import Fault, Hypotheses, all_faults
 from calibration.wiring.places import AGAIN, Candidates, Chooser, candidates
-from calibration.wiring.rest import RestFindings
-from calibration.wiring.touches import Touch
+from calibration.wiring.touches import RestFindings, Touch
 from skinmap.arrays import BoolArray, FloatArray
 from skinmap.errors import InvalidArrayError
 

@@ -17,12 +17,14 @@ from calibration.wiring.answer_model import THRESHOLD
 from calibration.wiring.boards import Boards, boards_of
 from calibration.wiring.doctor import CLEAR, Doctor
 from calibration.wiring.places import AGAIN
-from calibration.wiring.rest import FEWEST, RestFindings, judge_rest
 from calibration.wiring.touches import (
     BEGINS,
     ENDS,
+    LEAST_REST,
     Baseline,
+    RestFindings,
     find_touches,
+    judge_rest,
     make_touch,
     untouched,
     without_holes,
@@ -106,7 +108,7 @@ class Case:
 
     def take_rest(self, samples: FloatArray) -> None:
         """Judge samples (t, n) at rest, where there are enough."""
-        if len(samples) >= FEWEST:
+        if len(samples) >= LEAST_REST:
             self.rest = judge_rest(samples, self.boards)
             self.doctor.rest(self.rest)
 
