@@ -179,8 +179,7 @@ def _written(
         return
     files = map_files([case.part for case in examined.cases], output)
     for case in examined.cases:
-        faults = [found.fault for found in case.doctor.found]
-        table, moved = corrected(case.boards, case.doctor.wiring, faults)
+        table, moved = corrected(case.boards, case.doctor.wiring)
         if len(moved) and case.doctor.status != "inconsistent":
             with staged_file(files[case.part]) as stage:
                 write_csv(table, stage)

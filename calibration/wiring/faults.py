@@ -193,7 +193,7 @@ def chain_faults(boards: Boards) -> list[Fault]:
     return faults
 
 
-def corrected(boards: Boards, wiring: Wiring, faults: list[Fault]) -> tuple[TaxelTable, IntArray]:
+def corrected(boards: Boards, wiring: Wiring) -> tuple[TaxelTable, IntArray]:
     """The table as the wiring really is.
 
     Parameters
@@ -202,8 +202,6 @@ def corrected(boards: Boards, wiring: Wiring, faults: list[Fault]) -> tuple[Taxe
         As mapped.
     wiring : Wiring
         As found.
-    faults : list of Fault
-        Those that were named.
 
     Returns
     -------
@@ -212,46 +210,18 @@ def corrected(boards: Boards, wiring: Wiring, faults: list[Fault]) -> tuple[Taxe
     (c,) int
         Channels whose place changed.
     """
-    places = wiring.places(boards)
+    places, table = wiring.places(boards), boards.table
     there = np.isfinite(places[:, 0])
-    table = boards.table
     moved = there & (np.abs(places - table.positions).max(axis=1) > 1e-9)
     _, nearest = cKDTree(table.positions).query(places[there])
-    channels, modules, rows = _found_again(boards, wiring, faults).T
-    joined = TaxelTable(
-        np.concatenate([table.channels[there], channels]),
-        np.concatenate([table.modules[there], modules]),
-        np.concatenate([places[there], table.positions[rows]]),
-        np.concatenate([boards.normals[nearest], boards.normals[rows]]),
+    found = TaxelTable(
+        table.channels[there],
+        table.modules[there],
+        places[there],
+        boards.normals[nearest],
         link=table.link,
     )
-    return joined, table.channels[moved | ~there]
-
-
-def _found_again(boards: Boards, wiring: Wiring, faults: list[Fault]) -> IntArray:
-    """(c, 3) channel, module and row of places that no row reads after chains changed."""
-    swapped = [fault.chains for fault in faults if fault.kind == "swapped_chains"]
-    found: list[tuple[int, int, int]] = []
-    table, slots = boards.table, boards.slots
-    if swapped and slots and np.array_equal(table.modules, table.channels // slots):
-        for site in np.flatnonzero(wiring.owner < 0).tolist():
-            chain = int(boards.chains[site])
-            for one, other in swapped:
-                if chain in (one, other):
-                    chain = other if chain == one else one
-            module = chain * _room(boards) + int(boards.spots[site])
-            for row in boards.columns[site][boards.columns[site] >= 0].tolist():
-                found.append((module * slots + int(table.channels[row] % slots), module, row))
-    return np.array(found, np.int64).reshape(-1, 3)
-
-
-def _room(boards: Boards) -> int:
-    """Modules that a chain has room for."""
-    beyond = boards.chains > 0
-    if not beyond.any():
-        return len(boards)
-    first = int(np.argmax(beyond))
-    return int((boards.numbers[first] - boards.spots[first]) // boards.chains[first])
+    return found, table.channels[moved | ~there]
 
 
 def map_files(parts: Sequence[str], out: Path) -> dict[str, Path]:
