@@ -17,7 +17,6 @@ from calibration.commands.calibration_options import (
     FILE,
     NO_EFFORT,
     NO_SEED,
-    SIGMA_MM,
     Outputs,
     PatchFiles,
     outputs,
@@ -38,7 +37,7 @@ if TYPE_CHECKING:
     from skinmap.parallel.workers import Workers
 
 FAILED: Literal["failed"] = "failed"
-NEEDED, KNOWN = ("name", "layout", "mesh", "anchors"), ("units", "sigma_mm", "mirror")
+NEEDED, KNOWN = ("name", "layout", "mesh", "anchors"), ("units", "mirror")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -92,7 +91,7 @@ class BatchResult:
 @retired(
     **NO_EFFORT,
     seed=NO_SEED,
-    sigma_mm="write a column sigma_mm in the table",
+    sigma_mm="write a column sigma in the files of anchors; without one it is 1 mm",
     units="write a column units in the table",
 )
 @workers_options(resume=False)
@@ -104,7 +103,7 @@ def batch(
 ) -> None:
     """Lay many boards on their links, each as `calibrate wrap` does.
 
-    TABLE is a CSV `name,layout,mesh,anchors[,units,sigma_mm,mirror]`, a row for each patch, with
+    TABLE is a CSV `name,layout,mesh,anchors[,units,mirror]`, a row for each patch, with
     files as seen from its folder. A patch that cannot be calibrated does not stop the others: it is
     listed as failed, with the reason. The exit code is 3 where not all patches are ok.
 
@@ -138,7 +137,7 @@ def batch_lines(result: BatchResult) -> Iterator[Table]:
 
 
 def read_batch(path: Path) -> dict[str, PatchFiles]:
-    """The patches of a table `name,layout,mesh,anchors[,units,sigma_mm,mirror]`, by name.
+    """The patches of a table `name,layout,mesh,anchors[,units,mirror]`, by name.
 
     Files are looked for from the table's folder.
 
@@ -165,23 +164,13 @@ def read_batch(path: Path) -> dict[str, PatchFiles]:
 
 def _patch_files(words: Mapping[str, str], path: Path, line: int) -> PatchFiles:
     """A row of the table; what it leaves empty is in metres, and drawn from the front."""
-    from skinmap.io.text import parse_floats
-
     unit, mirror = words.get("units") or "m", words.get("mirror") or "no"
     if unit not in UNITS:
         raise DataFormatError(unknown_name("unit", unit, UNITS), path, line)
     if mirror not in ("yes", "no"):
         raise DataFormatError(f"mirror is yes or no, got {mirror!r}", path, line)
-    sigma = SIGMA_MM
-    if words.get("sigma_mm"):
-        (sigma,) = parse_floats([words["sigma_mm"]], path, line)
-    if sigma <= 0.0:
-        raise DataFormatError(f"sigma_mm must be above 0, got {sigma:g}", path, line)
     layout, mesh, anchors = (path.parent / words[kind] for kind in ("layout", "mesh", "anchors"))
-    return PatchFiles(
-        layout=layout, mesh=mesh, anchors=anchors, units=unit, sigma_mm=sigma,
-        mirror=mirror == "yes",
-    )  # fmt: skip
+    return PatchFiles(layout=layout, mesh=mesh, anchors=anchors, units=unit, mirror=mirror == "yes")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
