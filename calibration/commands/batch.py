@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -34,7 +34,6 @@ from skinmap.report.table import Table
 
 if TYPE_CHECKING:
     from calibration.commands.patch_task import PatchTask
-    from skinmap.parallel.workers import Workers
 
 FAILED: Literal["failed"] = "failed"
 NEEDED, KNOWN = ("name", "layout", "mesh", "anchors"), ("units", "mirror")
@@ -111,14 +110,22 @@ def batch(
     Example:  skinmap calibrate batch patches.csv --jobs 4 -o patches
     """
     from skinmap.io.output import staged_folder
+    from skinmap.parallel.run import each_result
 
-    rows = read_batch(table_file)
+    rows, found = read_batch(table_file), {}
     with (
         staged_folder(cast("Path", output.out)) as stage,
         spread.open("calibrate batch") as workers,
         progress(len(rows), "calibrate") as advance,
-    ):
-        patches = calibrate_batch(rows, output.accept, stage, workers=workers, progress=advance)
+        closing(each_result(_calibrated, _tasks(rows, output.accept),
+                            workers=workers, progress=advance)) as results,
+    ):  # fmt: skip
+        for place, (patch, files) in results:  # as they come
+            found[place] = patch
+            for name, data in files.items():
+                (stage / name).parent.mkdir(exist_ok=True)
+                (stage / name).write_bytes(data)
+    patches = [found[place] for place in sorted(found)]
     result = BatchResult(statuses=Counter(patch.status for patch in patches), patches=patches)
     bad = set(result.statuses) - {OK}
     verdict = Verdict("failed" if bad else OK, accepted=output.accept and FAILED not in bad)
@@ -180,29 +187,6 @@ class BatchTask:
     name: str
     evidence: PatchTask | str
     accept: bool
-
-
-def calibrate_batch(
-    rows: Mapping[str, PatchFiles],
-    accept: bool,
-    folder: Path,
-    *,
-    workers: Workers,
-    progress: Callable[[str], None] | None = None,
-) -> list[BatchPatch]:
-    """Calibrate patches and write the files of each into a folder of its name, as they come."""
-    from skinmap.parallel.run import each_result
-
-    found: dict[int, BatchPatch] = {}
-    tasks = _tasks(rows, accept)
-    with closing(each_result(_calibrated, tasks, workers=workers, progress=progress)) as results:
-        for place, (patch, files) in results:
-            for name, data in files.items():
-                target = folder / name
-                target.parent.mkdir(exist_ok=True)
-                target.write_bytes(data)
-            found[place] = patch
-    return [found[place] for place in sorted(found)]
 
 
 def _tasks(rows: Mapping[str, PatchFiles], accept: bool) -> Iterator[BatchTask]:
