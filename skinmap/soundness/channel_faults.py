@@ -80,8 +80,11 @@ def _restless(survey: Survey) -> float:
 def _constant(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Channels that never change: at the level of others at rest dead, elsewhere stuck."""
     still = np.flatnonzero(survey.constant)
-    if len(still) == 0 or len(still) == survey.width:
-        return _all_still(survey, bad) if len(still) else []
+    if len(still) == survey.width:
+        bad[:] = True
+        return [finding("dead", "No channel ever changes.", harm=0.9)]
+    if len(still) == 0:
+        return []
     often, lively = episodes(survey), ~survey.constant
     sure = np.full(len(still), 0.99)
     if _restless(survey) < 0.6:  # silent at rest: an untouched channel is constant too
@@ -105,11 +108,6 @@ def _constant(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         text = subject(own, "stands", "stand") + f" still at {level[stuck][0]:g}."
         found.append(finding("stuck", text, channels=own, confidence=float(sure[stuck].mean())))
     return found
-
-
-def _all_still(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
-    bad[:] = True
-    return [finding("dead", "No channel ever changes.", harm=0.9)]
 
 
 def _in_modules(
@@ -143,11 +141,6 @@ def _cut(survey: Survey) -> NDArray[np.bool_]:
     return np.asarray((at[1:] & ~at[:-1]).sum(axis=0) + at[0] >= 2)
 
 
-def _lasting(survey: Survey, at: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(n,) Channels that are somewhere for a fifth of the time."""
-    return np.asarray(at.mean(axis=0) > 0.2)
-
-
 def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Channels that stop for a while, where they should have changed by what they do elsewhere."""
     runs = []
@@ -155,7 +148,7 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     quiet = survey.changes == 0
     # What is cut off stands still at the top under each strong load.
     highest = survey.mean == (top.max() if survey.rising else top.min())
-    quiet &= ((survey.mean != top) | ~_cut(survey)) & ~(highest & ~_lasting(survey, highest))
+    quiet &= ((survey.mean != top) | ~_cut(survey)) & ~(highest & (highest.mean(axis=0) <= 0.2))
     usual, long = _holds(survey, quiet)
     for channel in np.flatnonzero(~survey.constant & ~bad & quiet.any(axis=0)).tolist():
         for first, last, sure in _stops(survey, channel, quiet[:, channel], usual):

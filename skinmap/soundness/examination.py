@@ -185,8 +185,8 @@ def mend(track: Track) -> tuple[Track, list[str]]:
     )
     if track.unit:
         done.append(f"wrote the times, which were in {track.unit}, in seconds")
-    line = next((one for one in found if one.kind == "clocks" and one.slope is not None), None)
-    if line is not None and track.reference is not None and isinstance(line.slope, float):
+    line = next((one for one in found if isinstance(one.slope, float)), None)
+    if line is not None and track.reference is not None:
         mended = replace(mended, reference=_laid(track.reference, line, rows), reference_times=None)
         done.append("laid the reference on the rows of the skin")
     left = examine_track(mended)[0].findings

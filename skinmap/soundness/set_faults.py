@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import combinations
-from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import bdtrc
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.soundness.finding import Finding, finding
@@ -107,10 +107,8 @@ def _tail(right: int, count: int, share: float) -> float:
     """Chance of at least so many successes."""
     if count > 400:
         size = np.sqrt(count * share * (1 - share))
-        return float(0.0 if right > count * share + 4.5 * size else 1.0)
-    return float(
-        sum(comb(count, k) * share**k * (1 - share) ** (count - k) for k in range(right, count + 1))
-    )
+        return float(right <= count * share + 4.5 * size)
+    return float(bdtrc(right - 1, count, share))
 
 
 def _unfelt(

@@ -78,11 +78,8 @@ class Survey:
     @cached_property
     def constant(self) -> NDArray[np.bool_]:
         """(n,) Whether a channel never changes."""
-        return np.asarray((self.high.max(axis=0) == self.low.min(axis=0)) | self._silent)
-
-    @cached_property
-    def _silent(self) -> NDArray[np.bool_]:
-        return np.asarray(self.missing > 0.9 * self.count)
+        silent = self.missing > 0.9 * self.count
+        return np.asarray((self.high.max(axis=0) == self.low.min(axis=0)) | silent)
 
     @cached_property
     def fast(self) -> FloatArray:
