@@ -188,12 +188,9 @@ def _recurs(survey: Survey, rows: IntArray) -> bool:
     patterns = np.ascontiguousarray(survey.track.values[starts])
     _, counts = np.unique(patterns, axis=0, return_counts=True)
     return bool(
-        counts[counts > 1].sum() > 0.02 * len(starts) or _longest(rows) > 0.2 * survey.count
+        counts[counts > 1].sum() > 0.02 * len(starts)
+        or max(b - a + 1 for a, b in spans_of(rows)) > 0.2 * survey.count
     )
-
-
-def _longest(rows: IntArray) -> int:
-    return max(b - a + 1 for a, b in spans_of(rows))
 
 
 def _held(survey: Survey, rows: IntArray) -> NDArray[np.bool_]:
@@ -202,11 +199,12 @@ def _held(survey: Survey, rows: IntArray) -> NDArray[np.bool_]:
     values = survey.track.values
     spans = [(a, b) for a, b in spans_of(rows) if a >= 2 and b + 1 < survey.count]
     lengths = np.array([b - a + 1 for a, b in spans])
-    short = [one for one, k in zip(spans, lengths, strict=True) if k <= HELD]
+    most = HELD
     if len(lengths) > 20:
         usual = int(np.bincount(lengths).argmax())
         if (lengths == usual).mean() > 0.7:  # each row is written several times
-            short = [one for one, k in zip(spans, lengths, strict=True) if k <= max(usual, HELD)]
+            most = max(usual, HELD)
+    short = [one for one, k in zip(spans, lengths, strict=True) if k <= most]
     kept = 0
     for a, b in short:
         if min(survey.changed[a - 1], survey.changed[b + 1]) < FEW_CHANGES:
