@@ -19,7 +19,7 @@ from calibration.wiring.boards import boards_of
 from calibration.wiring.examination import Plan, examine_live
 from calibration.wiring.findings import CheckupResult, findings
 from calibration.wiring.history import changes_of, kept_part
-from calibration.wiring.rest import judge_rest
+from calibration.wiring.touches import judge_rest
 
 PARTS = ("left_forearm", "torso", "left_leg_upper")
 KINDS = tuple(name for name in NAMES if name != "channels")

@@ -13,7 +13,7 @@ from typing import cast
 import numpy as np
 from numpy.typing import ArrayLike
 
-from calibration.commands.calibration_options import Outputs, PatchFiles
+from calibration.commands.calibration_options import SIGMA, Outputs, PatchFiles
 from calibration.commands.patch_task import PatchTask, SolvedPatch, load_link
 from calibration.commands.results import MM
 from calibration.files.tables import (
@@ -70,8 +70,6 @@ class AnchorSession:
         To go on from, in `unit`.
     unit : float
         Of anchors in files, in metres; all else is in metres.
-    sigma : float
-        Error of a coordinate of an anchor [m].
     title : str
         What is laid on what.
     mirror : bool
@@ -92,16 +90,14 @@ class AnchorSession:
         anchors: Sequence[Anchor] = (),
         *,
         unit: float = 1.0,
-        sigma: float = 1e-3,
         title: str = "board on link",
         mirror: bool = False,
     ) -> None:
         self.board, self.link = board, link
-        self.unit, self.sigma, self.title = unit, sigma, title
-        self.mirror = mirror
+        self.unit, self.title, self.mirror = unit, title, mirror
         # A file without sigmas stays one: what is picked follows the same option as the rest.
         silent = any(anchor.sigma is None for anchor in anchors)
-        self._stated = None if silent else sigma / unit
+        self._stated = None if silent else SIGMA / unit
         self._steps = [Step(tuple(anchors))]
         self.solution: Solution | None = None
         self.reach = REACH * median_spacing(board.layout)
@@ -123,7 +119,6 @@ class AnchorSession:
             load_link(files.mesh, unit),
             [] if files.anchors is None else read_anchor_table(files.anchors, board),
             unit=unit,
-            sigma=1e-3 * files.sigma_mm,
             title=files.title,
             mirror=files.mirror,
         )
@@ -166,9 +161,8 @@ class AnchorSession:
     def task(self) -> PatchTask:
         """The anchors as `skinmap calibrate wrap` would read them."""
         return PatchTask.of(
-            self.title, self.board, self.link, self.anchors,
-            unit=self.unit, sigma=self.sigma, mirror=self.mirror,
-        )  # fmt: skip
+            self.title, self.board, self.link, self.anchors, unit=self.unit, mirror=self.mirror
+        )
 
     def pick_board(self, place: ArrayLike) -> bool:
         """Choose the taxel nearest to a place (2,) on the board [m]; False where none is near."""

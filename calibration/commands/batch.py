@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,7 +17,6 @@ from calibration.commands.calibration_options import (
     FILE,
     NO_EFFORT,
     NO_SEED,
-    SIGMA_MM,
     Outputs,
     PatchFiles,
     outputs,
@@ -35,10 +34,9 @@ from skinmap.report.table import Table
 
 if TYPE_CHECKING:
     from calibration.commands.patch_task import PatchTask
-    from skinmap.parallel.workers import Workers
 
 FAILED: Literal["failed"] = "failed"
-NEEDED, KNOWN = ("name", "layout", "mesh", "anchors"), ("units", "sigma_mm", "mirror")
+NEEDED, KNOWN = ("name", "layout", "mesh", "anchors"), ("units", "mirror")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -92,7 +90,7 @@ class BatchResult:
 @retired(
     **NO_EFFORT,
     seed=NO_SEED,
-    sigma_mm="write a column sigma_mm in the table",
+    sigma_mm="write a column sigma in the files of anchors; without one it is 1 mm",
     units="write a column units in the table",
 )
 @workers_options(resume=False)
@@ -104,7 +102,7 @@ def batch(
 ) -> None:
     """Lay many boards on their links, each as `calibrate wrap` does.
 
-    TABLE is a CSV `name,layout,mesh,anchors[,units,sigma_mm,mirror]`, a row for each patch, with
+    TABLE is a CSV `name,layout,mesh,anchors[,units,mirror]`, a row for each patch, with
     files as seen from its folder. A patch that cannot be calibrated does not stop the others: it is
     listed as failed, with the reason. The exit code is 3 where not all patches are ok.
 
@@ -112,14 +110,22 @@ def batch(
     Example:  skinmap calibrate batch patches.csv --jobs 4 -o patches
     """
     from skinmap.io.output import staged_folder
+    from skinmap.parallel.run import each_result
 
-    rows = read_batch(table_file)
+    rows, found = read_batch(table_file), {}
     with (
         staged_folder(cast("Path", output.out)) as stage,
         spread.open("calibrate batch") as workers,
         progress(len(rows), "calibrate") as advance,
-    ):
-        patches = calibrate_batch(rows, output.accept, stage, workers=workers, progress=advance)
+        closing(each_result(_calibrated, _tasks(rows, output.accept),
+                            workers=workers, progress=advance)) as results,
+    ):  # fmt: skip
+        for place, (patch, files) in results:  # as they come
+            found[place] = patch
+            for name, data in files.items():
+                (stage / name).parent.mkdir(exist_ok=True)
+                (stage / name).write_bytes(data)
+    patches = [found[place] for place in sorted(found)]
     result = BatchResult(statuses=Counter(patch.status for patch in patches), patches=patches)
     bad = set(result.statuses) - {OK}
     verdict = Verdict("failed" if bad else OK, accepted=output.accept and FAILED not in bad)
@@ -138,7 +144,7 @@ def batch_lines(result: BatchResult) -> Iterator[Table]:
 
 
 def read_batch(path: Path) -> dict[str, PatchFiles]:
-    """The patches of a table `name,layout,mesh,anchors[,units,sigma_mm,mirror]`, by name.
+    """The patches of a table `name,layout,mesh,anchors[,units,mirror]`, by name.
 
     Files are looked for from the table's folder.
 
@@ -165,23 +171,13 @@ def read_batch(path: Path) -> dict[str, PatchFiles]:
 
 def _patch_files(words: Mapping[str, str], path: Path, line: int) -> PatchFiles:
     """A row of the table; what it leaves empty is in metres, and drawn from the front."""
-    from skinmap.io.text import parse_floats
-
     unit, mirror = words.get("units") or "m", words.get("mirror") or "no"
     if unit not in UNITS:
         raise DataFormatError(unknown_name("unit", unit, UNITS), path, line)
     if mirror not in ("yes", "no"):
         raise DataFormatError(f"mirror is yes or no, got {mirror!r}", path, line)
-    sigma = SIGMA_MM
-    if words.get("sigma_mm"):
-        (sigma,) = parse_floats([words["sigma_mm"]], path, line)
-    if sigma <= 0.0:
-        raise DataFormatError(f"sigma_mm must be above 0, got {sigma:g}", path, line)
     layout, mesh, anchors = (path.parent / words[kind] for kind in ("layout", "mesh", "anchors"))
-    return PatchFiles(
-        layout=layout, mesh=mesh, anchors=anchors, units=unit, sigma_mm=sigma,
-        mirror=mirror == "yes",
-    )  # fmt: skip
+    return PatchFiles(layout=layout, mesh=mesh, anchors=anchors, units=unit, mirror=mirror == "yes")
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -191,29 +187,6 @@ class BatchTask:
     name: str
     evidence: PatchTask | str
     accept: bool
-
-
-def calibrate_batch(
-    rows: Mapping[str, PatchFiles],
-    accept: bool,
-    folder: Path,
-    *,
-    workers: Workers,
-    progress: Callable[[str], None] | None = None,
-) -> list[BatchPatch]:
-    """Calibrate patches and write the files of each into a folder of its name, as they come."""
-    from skinmap.parallel.run import each_result
-
-    found: dict[int, BatchPatch] = {}
-    tasks = _tasks(rows, accept)
-    with closing(each_result(_calibrated, tasks, workers=workers, progress=progress)) as results:
-        for place, (patch, files) in results:
-            for name, data in files.items():
-                target = folder / name
-                target.parent.mkdir(exist_ok=True)
-                target.write_bytes(data)
-            found[place] = patch
-    return [found[place] for place in sorted(found)]
 
 
 def _tasks(rows: Mapping[str, PatchFiles], accept: bool) -> Iterator[BatchTask]:

@@ -24,7 +24,7 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 NO_LOSS = "outliers never pull"
 NO_SEED = "the same files always give the same result"
 WORK = "a patch gets the work that its accuracy needs"
-SIGMA_MM = 1.0  # error of a coordinate where no file has it
+SIGMA = 1e-3  # error of a coordinate where no file has it [m]
 NO_EFFORT = {"starts": WORK, "steps": WORK, "wrap_detail_mm": WORK, "profile": NO_PROFILE}
 F = TypeVar("F", bound=Callable[..., Any])
 R = TypeVar("R", bound="Calibrated")
@@ -50,8 +50,6 @@ class PatchFiles:
         Touches with a known probe.
     units : str
         Length unit of all files.
-    sigma_mm : float
-        Error of a coordinate where a file does not say.
     mirror : bool
         Whether the board is drawn from its other side.
     """
@@ -61,7 +59,6 @@ class PatchFiles:
     anchors: Path | None = None
     touches: Path | None = None
     units: str = "m"
-    sigma_mm: float = SIGMA_MM
     mirror: bool = False
 
     @property

@@ -19,11 +19,8 @@ from skinmap.rows import percent
 from skinmap.summary import first_few
 
 if TYPE_CHECKING:
-    from calibration.response.area_by_prints import PrintFit
     from calibration.response.load_fit import LoadFit, Pressed
     from skinmap.io.recordings.load_evidence import LoadEvidence
-    from skinmap.skin.skin import Skin
-    from skinmap.touch.load_calibration import LoadCalibration
 
 MAX_NAMED = 40  # taxels left out that words name
 DRAWN = 40  # points of a curve
@@ -162,6 +159,7 @@ def work(
     *, evidence: tuple[Path, ...], robot: str, part: str | None, area_mm2: float | None
 ) -> tuple[LoadResult, LoadFit, list[Pressed]]:
     """Fit the pressures of a skin."""
+    from calibration.response.area_by_prints import fit_prints
     from calibration.response.load_by_wrench import fit_wrench
     from calibration.response.load_fit import fit_load
     from skinmap.io.recordings.load_evidence import FORCES, PRINTS, check_bar, read_evidence
@@ -195,9 +193,12 @@ def work(
         fit = fit_load(pressed, when=when, area_mm2=area, fingerprint=marks)
         if all(one.kind in FORCES for one, _ in loads):
             fit = replace(fit, calibration=replace(fit.calibration, uneven=UNEVEN))
-    printed = [one for one in held if one.kind == PRINTS]
-    prints = _printed(printed, fit.calibration, skin) if printed else None
-    if prints is not None:
+    prints = None
+    if printed := [one for one in held if one.kind == PRINTS]:
+        if skin is None:
+            words = f"{printed[0].name}: prints need --part: areas are those of its mesh"
+            raise SkinMismatchError(words)
+        prints = fit_prints(printed, fit.calibration, skin)
         fit = replace(fit, calibration=replace(fit.calibration, covering=prints.covering))
     found = fit.calibration
     result = LoadResult(
@@ -254,15 +255,6 @@ def _top_newtons(loads: list[LoadEvidence]) -> float | None:
     return max((float(one.max()) for one in sizes), default=None)
 
 
-def _printed(held: list[LoadEvidence], calibration: LoadCalibration, skin: Skin | None) -> PrintFit:
-    """Areas of contacts from prints."""
-    from calibration.response.area_by_prints import fit_prints
-
-    if skin is None:
-        raise SkinMismatchError(f"{held[0].name}: prints need --part: areas are those of its mesh")
-    return fit_prints(held, calibration, skin)
-
-
 def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
     """One file as a pressure on its channels."""
     from calibration.response.load_fit import Pressed
@@ -288,17 +280,6 @@ def _write(fit: LoadFit, folder: Path) -> list[str]:
     return [NAME]
 
 
-def _named(channels: list[int]) -> str:
-    return first_few(channels, MAX_NAMED) or "none"
-
-
-def _clock(row: ClockRow) -> str:
-    return (
-        f"{row.recording}, from row {row.first_row}: {row.offset_rows:+.0f} rows "
-        f"{row.slope_percent:+.2f} %, residual {row.residual_rows:.0f} rows"
-    )
-
-
 def _lines(result: LoadResult) -> Iterator[str]:
     yield (
         f"{result.answered} of {result.channels} taxels, 0 to {result.top_bar:.2f} bar, model "
@@ -311,20 +292,20 @@ def _lines(result: LoadResult) -> Iterator[str]:
         yield f"{name} reads {bar:+.3g} bar while the skin rests: take its tare off, if it is one"
     if result.uneven:
         yield f"uneven contact: a taxel's share of a force is known to {percent(result.uneven)} %"
-    yield from (f"clock of {_clock(row)}" for row in result.clocks)
+    for row in result.clocks:
+        yield (
+            f"clock of {row.recording}, from row {row.first_row}: {row.offset_rows:+.0f} rows "
+            f"{row.slope_percent:+.2f} %, residual {row.residual_rows:.0f} rows"
+        )
     if result.with_temperature is not None:
         yield f"rest follows the temperature of the module: {result.with_temperature} taxels"
     if result.prints is not None:
-        yield _areas(result)
-    yield f"left out, dead: {_named(result.dead)}"
-    yield f"left out, do not follow: {_named(result.stray)}"
-
-
-def _areas(result: LoadResult) -> str:
-    return (
-        f"areas by {result.prints} prints: error {percent(result.print_error)} % (median, each by "
-        f"the others), pressure spreads by {result.spread_mm:.1f} mm"
-    )
+        yield (
+            f"areas by {result.prints} prints: error {percent(result.print_error)} % (median, each "
+            f"by the others), pressure spreads by {result.spread_mm:.1f} mm"
+        )
+    yield f"left out, dead: {first_few(result.dead, MAX_NAMED) or 'none'}"
+    yield f"left out, do not follow: {first_few(result.stray, MAX_NAMED) or 'none'}"
 
 
 def _page(fit: LoadFit, pressed: list[Pressed], result: LoadResult) -> str:

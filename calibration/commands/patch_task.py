@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from calibration.commands.calibration_options import PatchFiles
+from calibration.commands.calibration_options import SIGMA, PatchFiles
 from calibration.commands.results import MM, EvidenceRow, PatchResult, Spread, grade
 from calibration.files.tables import (
     Anchor,
@@ -77,16 +77,14 @@ class PatchTask:
         MissingFileError, DataFormatError
             A file that is missing or not what it should be (names the line).
         """
-        unit, sigma = UNITS[files.units], 1e-3 * files.sigma_mm
+        unit = UNITS[files.units]
         board = read_board(files.layout, unit)
         anchors = [] if files.anchors is None else read_anchor_table(files.anchors, board)
         touches: Sequence[Touch] = ()
         if files.touches is not None:
-            touches = read_touches(files.touches, board, unit, sigma=sigma)
+            touches = read_touches(files.touches, board, unit, sigma=SIGMA)
         link = load_link(files.mesh, unit)
-        task = cls.of(
-            files.title, board, link, anchors, unit=unit, sigma=sigma, mirror=files.mirror,
-        )  # fmt: skip
+        task = cls.of(files.title, board, link, anchors, unit=unit, mirror=files.mirror)
         return replace(task, touches=tuple(touches))
 
     @classmethod
@@ -98,13 +96,12 @@ class PatchTask:
         anchors: Sequence[Anchor],
         *,
         unit: float,
-        sigma: float,
         mirror: bool = False,
     ) -> PatchTask:
-        """Anchors in `unit` metres as a task in metres; `sigma` [m] where they do not say."""
+        """Anchors in `unit` metres as a task in metres; `SIGMA` where they do not say."""
         stated = [anchor.sigma for anchor in anchors if anchor.sigma is not None]
         whole = len(stated) == len(anchors)
-        spread = np.array(stated) * unit if whole else np.full(len(anchors), sigma)
+        spread = np.array(stated) * unit if whole else np.full(len(anchors), SIGMA)
         points = np.array([anchor.point for anchor in anchors]).reshape(-1, 3) * unit
         taxels = np.array([anchor.taxel for anchor in anchors], np.int64)
         return cls(title, board, link, taxels, points, spread, mirror=mirror)

@@ -63,8 +63,6 @@ class Boards:
         Normal of each module.
     turns : (6, k) int or None
         Slot whose place each slot takes for each element; None where a layout has no such symmetry.
-    slots : int
-        Slots of the layout; 0 where none is known.
     pitch : float
         Median spacing of the taxels [m].
     """
@@ -79,7 +77,6 @@ class Boards:
     places: FloatArray
     outward: FloatArray
     turns: IntArray | None
-    slots: int
     pitch: float
 
     def __post_init__(self) -> None:
@@ -155,7 +152,6 @@ def boards_of(robot: Robot, part: str) -> Boards:
         places,
         outward,
         turns,
-        0 if layout is None else len(layout),
         median_spacing(table.positions),
     )
 

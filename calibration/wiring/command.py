@@ -124,7 +124,7 @@ def checkup(
 
 def _protect(output: Path, parts: tuple[str, ...]) -> None:
     """Refuse files that are there before any work is done."""
-    from calibration.wiring.channel_map import map_files
+    from calibration.wiring.faults import map_files
 
     suffix = output.suffix.lower()
     if suffix not in ("", ".csv", ".pdf"):
@@ -162,7 +162,7 @@ def _written(
     output: Path, result: CheckupResult, examined: Examination, robot: Robot, when: datetime
 ) -> Iterator[str]:
     """Write the page and the corrected maps; the files' names."""
-    from calibration.wiring.channel_map import corrected, map_files
+    from calibration.wiring.faults import corrected, map_files
     from calibration.wiring.page import write_page
     from skinmap.io.output import staged_file
     from skinmap.io.taxels.taxel_table import write_csv
@@ -179,8 +179,7 @@ def _written(
         return
     files = map_files([case.part for case in examined.cases], output)
     for case in examined.cases:
-        faults = [found.fault for found in case.doctor.found]
-        table, moved = corrected(case.boards, case.doctor.wiring, faults)
+        table, moved = corrected(case.boards, case.doctor.wiring)
         if len(moved) and case.doctor.status != "inconsistent":
             with staged_file(files[case.part]) as stage:
                 write_csv(table, stage)

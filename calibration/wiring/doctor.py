@@ -13,9 +13,8 @@ from calibration.wiring.boards import Boards, Wiring
 from calibration.wiring.evidence import Witness
 from calibration.wiring.faults import Fault, Hypotheses, all_faults
 from calibration.wiring.places import AGAIN, Candidates, Chooser, candidates
-from calibration.wiring.rest import RestFindings
-from calibration.wiring.touches import Touch
-from skinmap.arrays import BoolArray, FloatArray
+from calibration.wiring.touches import RestFindings, Touch
+from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
 
 SURE = 0.99  # a fault that is so probable is named
@@ -73,9 +72,7 @@ class Doctor:
 
     def __post_init__(self) -> None:
         self.wiring = Wiring.as_mapped(self.boards)
-        self._alive: BoolArray = np.zeros(len(self.boards), bool)
-        self._rested = False
-        self._quiet: BoolArray = np.zeros(len(self.boards), bool)
+        self._rest: RestFindings | None = None
         self._begin()
 
     @classmethod
@@ -101,10 +98,7 @@ class Doctor:
         """Take what the skin told untouched; the mute modules and chains that are sure with it."""
         if not findings.tells:
             return []
-        self._quiet = np.zeros(len(self.boards), bool)
-        self._quiet[list(findings.mute)] = True
-        self._alive = np.asarray(findings.alive, bool)
-        self._rested = True
+        self._rest = findings
         self._replay()
         return self._name()
 
@@ -193,8 +187,8 @@ class Doctor:
         self._log[1 : 1 + len(swaps)][self.wiring.mute[swaps].any(axis=1)] = NEVER
         named = {one.fault for one in self.found}
         self._log[[fault in named for fault in self.hypotheses.faults]] = NEVER
-        if self._rested:
-            self._log += self._at_rest()
+        if self._rest is not None:
+            self._log += self._at_rest(self._rest)
         self._choosers: dict[str, Chooser] = {}
         self._heard: list[FloatArray] = []
         self._fits: list[bool] = []
@@ -202,10 +196,11 @@ class Doctor:
         self._said: list[FloatArray] = []
         self._before = self._log.copy()
 
-    def _at_rest(self) -> FloatArray:
+    def _at_rest(self, rest: RestFindings) -> FloatArray:
         """(h,) what the rest says: a fault that mutes modules fits those that do not send."""
-        quiet = self._quiet & ~self.wiring.mute & (self.wiring.site >= 0)
-        score = np.where(quiet, QUIET, np.where(self._alive, LIVELY, 0.0))
+        quiet = np.isin(np.arange(len(self.boards)), rest.mute)
+        quiet &= ~self.wiring.mute & (self.wiring.site >= 0)
+        score = np.where(quiet, QUIET, np.where(rest.alive, LIVELY, 0.0))
         found = np.zeros(len(self.hypotheses))
         first = 1 + len(self.hypotheses.swaps)
         found[first : first + len(self.boards)] = score

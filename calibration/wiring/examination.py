@@ -17,12 +17,14 @@ from calibration.wiring.answer_model import THRESHOLD
 from calibration.wiring.boards import Boards, boards_of
 from calibration.wiring.doctor import CLEAR, Doctor
 from calibration.wiring.places import AGAIN
-from calibration.wiring.rest import FEWEST, RestFindings, judge_rest
 from calibration.wiring.touches import (
     BEGINS,
     ENDS,
+    LEAST_REST,
     Baseline,
+    RestFindings,
     find_touches,
+    judge_rest,
     make_touch,
     untouched,
     without_holes,
@@ -106,7 +108,7 @@ class Case:
 
     def take_rest(self, samples: FloatArray) -> None:
         """Judge samples (t, n) at rest, where there are enough."""
-        if len(samples) >= FEWEST:
+        if len(samples) >= LEAST_REST:
             self.rest = judge_rest(samples, self.boards)
             self.doctor.rest(self.rest)
 
@@ -211,19 +213,12 @@ def _hear(case: Case, above: FloatArray, how: str, path: FloatArray, plan: Plan)
         plan.told(f"   {found.fault.words(case.boards)} ({100 * found.confidence:.1f} %)")
 
 
-def concluded(
-    source: str,
-    robot: Robot,
-    plan: Plan,
-    cases: Mapping[str, Case],
-    skin_seconds: float,
-    notes: Sequence[str] = (),
-) -> Examination:
-    """Result, with what is certainly wrong though not sure which fault it is."""
+def conclude(cases: Mapping[str, Case], plan: Plan) -> tuple[Case, ...]:
+    """The cases, with what is certainly wrong though not sure which fault it is."""
     for case in cases.values():
         for found in case.doctor.conclude():
             plan.told(f"   {found.fault.words(case.boards)} ({100 * found.confidence:.1f} %)")
-    return Examination(source, robot.name, tuple(cases.values()), skin_seconds, tuple(notes))
+    return tuple(cases.values())
 
 
 def examine_recording(
@@ -282,11 +277,10 @@ def examine_recording(
         _examine_part(case, values, track, path, places, plan)
     if not any(case.doctor.touches for case in cases.values()):
         notes.append("no touch, or no --places of them: only the rest was judged")
-    span = float(track.times[-1] - track.times[0]) if len(track.times) else 0.0
-    whole = concluded(path.name, robot, plan, cases, span, notes)
-    began = float(track.times[0]) if len(track.times) else 0.0
-    dated = DATED < began < time.time()
-    return replace(whole, recorded=datetime.fromtimestamp(began, UTC) if dated else None)
+    began, ended = (float(track.times[end]) if len(track.times) else 0.0 for end in (0, -1))
+    recorded = datetime.fromtimestamp(began, UTC) if DATED < began < time.time() else None
+    done = conclude(cases, plan)
+    return Examination(path.name, robot.name, done, ended - began, tuple(notes), recorded)
 
 
 def _examine_part(
@@ -392,7 +386,8 @@ def examine_live(source: Source, robot: Robot, parts: Sequence[str], plan: Plan)
     except KeyboardInterrupt:
         plan.told("interrupted")
         notes.append("interrupted: judged by the touches until then")
-    return concluded(info.name, robot, plan, cases, stream.seconds, notes)
+    done = conclude(cases, plan)
+    return Examination(info.name, robot.name, done, stream.seconds, tuple(notes))
 
 
 class _Stream:
@@ -425,27 +420,23 @@ class _Stream:
             )
         return {part: values[:, columns] for part, columns in self.columns.items()}
 
-    def some(self, count: int, *, patience: float) -> dict[str, FloatArray]:
-        """So many samples.
+    def rest(self, cases: Mapping[str, Case], plan: Plan) -> dict[str, Baseline]:
+        """Judge the rest at the beginning; what each part sends untouched.
 
         Raises
         ------
         InvalidArrayError
-            Too few came.
+            Too few samples came.
         """
+        plan.told(f"do not touch the skin for {REST_SECONDS:.0f} s")
         blocks: list[dict[str, FloatArray]] = []
-        end = time.monotonic() + patience
-        while sum(len(next(iter(b.values()))) for b in blocks) < count:
+        end = time.monotonic() + 5.0 * REST_SECONDS
+        while sum(len(next(iter(b.values()))) for b in blocks) < round(REST_SECONDS * self.rate):
             if time.monotonic() > end:
                 raise InvalidArrayError("the source sends too few samples for a rest")
             if (block := self.read()) is not None:
                 blocks.append(block)
-        return {part: np.concatenate([b[part] for b in blocks]) for part in self.columns}
-
-    def rest(self, cases: Mapping[str, Case], plan: Plan) -> dict[str, Baseline]:
-        """Judge the rest at the beginning; what each part sends untouched."""
-        plan.told(f"do not touch the skin for {REST_SECONDS:.0f} s")
-        samples = self.some(round(REST_SECONDS * self.rate), patience=5.0 * REST_SECONDS)
+        samples = {part: np.concatenate([b[part] for b in blocks]) for part in self.columns}
         for part, case in cases.items():
             case.take_rest(samples[part])
         kind = self.source.info.kind

@@ -1,14 +1,19 @@
-"""Faults of wiring: what may be wrong with modules, chains and channels, one at a time."""
+"""Faults of wiring: what may be wrong with modules, chains and channels; the corrected map."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal, get_args
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from calibration.wiring.boards import Boards, Wiring
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import InvalidArrayError
+from skinmap.skin.taxels import TaxelTable
 
 Kind = Literal[
     "swapped_modules", "turned_module", "mirrored_module", "mute_module",
@@ -186,3 +191,49 @@ def chain_faults(boards: Boards) -> list[Fault]:
                 both = tuple(sorted(members[one] + members[other]))
                 faults.append(Fault("swapped_chains", both, chains=(one, other)))
     return faults
+
+
+def corrected(boards: Boards, wiring: Wiring) -> tuple[TaxelTable, IntArray]:
+    """The table as the wiring really is.
+
+    Parameters
+    ----------
+    boards : Boards
+        As mapped.
+    wiring : Wiring
+        As found.
+
+    Returns
+    -------
+    TaxelTable
+        Mute channels keep their place; those that read nothing are left out.
+    (c,) int
+        Channels whose place changed.
+    """
+    places, table = wiring.places(boards), boards.table
+    there = np.isfinite(places[:, 0])
+    moved = there & (np.abs(places - table.positions).max(axis=1) > 1e-9)
+    _, nearest = cKDTree(table.positions).query(places[there])
+    found = TaxelTable(
+        table.channels[there],
+        table.modules[there],
+        places[there],
+        boards.normals[nearest],
+        link=table.link,
+    )
+    return found, table.channels[moved | ~there]
+
+
+def map_files(parts: Sequence[str], out: Path) -> dict[str, Path]:
+    """The file of each part's map: `out` itself for one part, else a file in that folder.
+
+    Raises
+    ------
+    InvalidArrayError
+        Several parts for one file.
+    """
+    if out.suffix.lower() != ".csv":
+        return {part: out / f"{part}.csv" for part in parts}
+    if len(parts) > 1:
+        raise InvalidArrayError(f"{len(parts)} parts do not go into one table: give a folder")
+    return {parts[0]: out}

@@ -22,7 +22,6 @@ AROUND = 1.5  # pitches: the neighbours of a taxel, diagonal ones of a square to
 FEWEST = 2  # of them lie further from a touch: a corner has no more
 SAME_SURE = 0.95  # confidence in a taxel that stays silent
 ODDS = 9.9  # of silence against a taxel that feels, where one in 1,000 is silent [nats]
-LEAST = 0.01  # alternatives less probable are not listed
 ORDER = ("inconsistent", "faulty", "undecided", "healthy")  # worst first
 MAX_NAMED = 8  # channels in a line
 BROAD = "pokes press more channels at once than a fingertip does: press with one finger, or stroke"
@@ -97,7 +96,6 @@ class CheckupResult:
     status: State = column("The worst of the parts.")
     parts: list[PartRow] = column("One entry for each part.", heading="")
     faults: list[FaultRow] = column("Faults, those of cables and modules first.", heading="")
-    suspects: list[FaultRow] = column("Faults that are possible and not certain.", heading="")
     touches: int = column("Number of judged touches.")
     skin_seconds: float = column("Duration on the clock of the skin [s].")
     next: str | None = column("Next place to touch; null where nothing is left to ask.")
@@ -113,14 +111,6 @@ def findings(examined: Examination) -> CheckupResult:
     cases = {case.part: case for case in examined.cases}
     faults = [one for case in cases.values() for one in _of_case(case)]
     parts = [_part_row(case, faults) for case in cases.values()]
-    suspects = [
-        _fault_row(case, fault, chance)
-        for case in cases.values()
-        for fault, chance in case.doctor.suspects(3)
-        if case.doctor.status == "undecided"
-        and chance > LEAST
-        and not case.doctor.wiring.mute[list(fault.modules)].all()
-    ]
     asked = next_touch(cases)
     return CheckupResult(
         robot=examined.robot,
@@ -128,7 +118,6 @@ def findings(examined: Examination) -> CheckupResult:
         status=min((one.status for one in parts), key=ORDER.index),
         parts=parts,
         faults=faults,
-        suspects=suspects,
         touches=sum(one.touches for one in parts),
         skin_seconds=examined.skin_seconds,
         next=None if asked is None else place_words(cases[asked.part].boards, asked),
@@ -282,9 +271,6 @@ def lines(result: CheckupResult) -> Iterator[str]:
         yield f"  {fault.words} ({100 * fault.confidence:.1f} %){_where(fault)}"
         for other in fault.alternatives or ():
             yield f"    or {other.words} ({100 * other.confidence:.1f} %)"
-    if result.status == "undecided":
-        for one in result.suspects:
-            yield f"  perhaps {one.words} ({100 * one.confidence:.1f} %)"
     for part in result.parts:
         rest = "" if part.rest_tells else "; the rest has too little noise to judge channels by"
         yield (

@@ -74,7 +74,7 @@ def _mend(track: Track, path: Path) -> None:
     """Write the mended copy of a recording."""
     import numpy as np
 
-    from skinmap.soundness.mending import arrays_of, mend
+    from skinmap.soundness.examination import arrays_of, mend
 
     mended, done = mend(track)
     with staged_file(path) as stage:

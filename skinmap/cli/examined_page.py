@@ -93,8 +93,7 @@ def _clocks(line: Finding, survey: Survey) -> bytes:
     assert isinstance(line.offset_rows, float)
     assert isinstance(line.slope, float)
     reference = np.asarray(survey.track.reference, float)
-    sign = 1.0 if survey.rising else -1.0
-    skin = np.median(survey.mean[:, ~survey.constant], axis=1) * sign
+    skin = np.median(survey.mean[:, ~survey.constant], axis=1) * survey.sign
     rows = np.arange(len(skin)) * survey.cell
     own = np.arange(len(reference))
     figure = plain_figure((11.0, 4.0))

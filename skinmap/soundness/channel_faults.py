@@ -80,8 +80,11 @@ def _restless(survey: Survey) -> float:
 def _constant(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Channels that never change: at the level of others at rest dead, elsewhere stuck."""
     still = np.flatnonzero(survey.constant)
-    if len(still) == 0 or len(still) == survey.width:
-        return _all_still(survey, bad) if len(still) else []
+    if len(still) == survey.width:
+        bad[:] = True
+        return [finding("dead", "No channel ever changes.", harm=0.9)]
+    if len(still) == 0:
+        return []
     often, lively = episodes(survey), ~survey.constant
     sure = np.full(len(still), 0.99)
     if _restless(survey) < 0.6:  # silent at rest: an untouched channel is constant too
@@ -105,11 +108,6 @@ def _constant(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         text = subject(own, "stands", "stand") + f" still at {level[stuck][0]:g}."
         found.append(finding("stuck", text, channels=own, confidence=float(sure[stuck].mean())))
     return found
-
-
-def _all_still(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
-    bad[:] = True
-    return [finding("dead", "No channel ever changes.", harm=0.9)]
 
 
 def _in_modules(
@@ -143,11 +141,6 @@ def _cut(survey: Survey) -> NDArray[np.bool_]:
     return np.asarray((at[1:] & ~at[:-1]).sum(axis=0) + at[0] >= 2)
 
 
-def _lasting(survey: Survey, at: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(n,) Channels that are somewhere for a fifth of the time."""
-    return np.asarray(at.mean(axis=0) > 0.2)
-
-
 def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Channels that stop for a while, where they should have changed by what they do elsewhere."""
     runs = []
@@ -155,7 +148,7 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     quiet = survey.changes == 0
     # What is cut off stands still at the top under each strong load.
     highest = survey.mean == (top.max() if survey.rising else top.min())
-    quiet &= ((survey.mean != top) | ~_cut(survey)) & ~(highest & ~_lasting(survey, highest))
+    quiet &= ((survey.mean != top) | ~_cut(survey)) & ~(highest & (highest.mean(axis=0) <= 0.2))
     usual, long = _holds(survey, quiet)
     for channel in np.flatnonzero(~survey.constant & ~bad & quiet.any(axis=0)).tolist():
         for first, last, sure in _stops(survey, channel, quiet[:, channel], usual):
@@ -330,7 +323,7 @@ def _copied(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
 def _coarse(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     """Channels that take steps several times those of the others."""
     usual, steps = survey.quantum, survey.steps
-    typical = np.median(survey.high.max(axis=0) - survey.low.min(axis=0))
+    typical = np.median(survey.span)
     coarse = []
     whole = survey.track.values.dtype.kind in "iub" or usual == np.rint(usual) > 0
     rows = np.unique(np.linspace(0, survey.count - 1, min(survey.count, 20_000)).astype(int))
@@ -367,7 +360,7 @@ def _clipped(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     for side in (1.0, -1.0):
         ends = side * (survey.high if side > 0 else survey.low)[:, lively]
         top = ends.max(axis=0)
-        span = (survey.high.max(axis=0) - survey.low.min(axis=0))[lively]
+        span = survey.span[lively]
         busy = span > 1.5 * survey.floor[lively]
         at = ends == top
         load = at & survey.touched[:, lively]
@@ -487,7 +480,7 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     level = np.array([np.percentile(rough[own], 60.0, axis=0) for own in pieces])
     level *= SIGMA_OF_SECOND
     usual = max(float(np.median(level[:, lively])), 0.12 * survey.quantum)
-    span = np.median((survey.high.max(axis=0) - survey.low.min(axis=0))[lively])
+    span = np.median(survey.span[lively])
     usual = max(usual, 0.002 * float(span))
     logs = np.log(np.maximum(np.median(level, axis=0)[lively], 0.2 * usual))
     spread = 1.4826 * float(np.median(np.abs(logs - np.median(logs))))
@@ -531,22 +524,21 @@ def _sign(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     lively = ~survey.constant & ~bad
     if lively.sum() < 4 or survey.two_sided:
         return []
-    sign = 1.0 if survey.rising else -1.0
-    low, high = np.percentile(survey.fast * sign, (0.5, 99.5), axis=0)
+    low, high = np.percentile(survey.fast * survey.sign, (0.5, 99.5), axis=0)
     up, down = high, -low
     least = np.maximum(0.25 * np.median(up[lively]), survey.floor)
     turned = lively & (down > 3.0 * up) & (down > least)
-    low, calm, high = np.percentile(survey.mean * sign, (0.5, 25.0, 99.5), axis=0)
+    low, calm, high = np.percentile(survey.mean * survey.sign, (0.5, 25.0, 99.5), axis=0)
     turned &= calm - low > 1.5 * (high - calm)
     if survey.uniform:  # all taxels feel the same
         turned = lively & (survey.follows * np.sign(np.median(survey.follows[lively])) < -0.6)
     # Where a touch fills a piece of the recording: dips from a level that is come back to.
-    level = np.median(survey.mean * sign, axis=0)
-    dips = survey.mean * sign < 0.5 * (level + low)
+    level = np.median(survey.mean * survey.sign, axis=0)
+    dips = survey.mean * survey.sign < 0.5 * (level + low)
     steady = ~(dips[:2].any(axis=0) | dips[-2:].any(axis=0)) & (dips.mean(axis=0) < 0.35)
     deep = (level - low > 4.0 * (high - level)) & (level - low > least)
     if survey.calm.any():  # the level is that of the untouched channel
-        at_rest = np.median(survey.mean[survey.calm] * sign, axis=0)
+        at_rest = np.median(survey.mean[survey.calm] * survey.sign, axis=0)
         deep &= np.abs(at_rest - level) < 0.25 * (level - low)
     which = turned | (lively & steady & deep)
     # What is loaded for most of the time falls with others, what is turned against them.

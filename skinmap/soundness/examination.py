@@ -1,31 +1,36 @@
-"""The examination of recordings: every family of faults, and one list in order of harm."""
+"""The examination of recordings: every family of faults, one list by harm, a mended copy."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from skinmap.arrays import FloatArray
 from skinmap.rows import column, row
 from skinmap.soundness.channel_faults import channel_faults, episodes
-from skinmap.soundness.clock_faults import clock_faults
 from skinmap.soundness.finding import Finding
 from skinmap.soundness.place_faults import place_faults
 from skinmap.soundness.rest_faults import rest_faults, session_offsets
 from skinmap.soundness.set_faults import set_faults, together
 from skinmap.soundness.survey import Survey, survey
-from skinmap.soundness.time_faults import time_faults
+from skinmap.soundness.time_faults import clock_faults, time_faults
 from skinmap.soundness.track import Track, check_track, tables_in, tracks_of
 
 if TYPE_CHECKING:
     from skinmap.touch.recording import Recording
 
-
 # Faults for which a model learns something else than touches, whatever it is trained on.
 FALSIFYING = ("duplicate", "order", "restart", "sign", "copied")
+# A leak, a wrong label, a swapped cable or a second use stays a fault: no mark takes it away.
+MARKED = (
+    "lost", "burst", "stamps", "dead", "stuck", "noisy", "clipped", "quantised", "repeated_id",
+    "copied", "sign", "module", "thermal", "drift", "rest", "place",
+)  # fmt: skip
 
 
 @row
@@ -144,3 +149,75 @@ def falsifying(tracks: Iterable[Track]) -> Iterator[str]:
         yield from (f"{track.file}: {one.text}" for one in repeated)
     if len(surveys) > 1:
         yield from (one.text for one in together(surveys) if one.kind == "repeated_recording")
+
+
+def mend(track: Track) -> tuple[Track, list[str]]:
+    """A mended copy of a recording, and what was done to it.
+
+    Rows are put into order, repeated ones are left out, a clock that begins anew becomes a stretch
+    of its own, and a reference is laid on the rows of the skin. All other faults become marks.
+    """
+    found = examine_track(track)[0].findings
+    times = time_faults(survey(track))
+    done: list[str] = []
+    several = [own[~times.repeated[own]] for own in times.pieces]
+    if track.times is not None:
+        several = [own[np.argsort(track.times[own], kind="stable")] for own in several]
+    several = [own for own in several if len(own)]
+    rows = np.concatenate(several)
+    if times.repeated.any():
+        done.append(f"left {int(times.repeated.sum())} repeated rows out")
+    if (np.diff(rows) < 0).any():
+        done.append("put the rows into the order of their times")
+    stretches = track.stretches
+    if len(several) > 1 and stretches is None:
+        done.append(f"made {len(several)} stretches, one for each begin of the clock")
+        stretches = np.zeros(len(track.values), np.int64)
+        for number, own in enumerate(several):
+            stretches[own] = number
+    mended = replace(
+        track,
+        values=track.values[rows],
+        times=None if track.times is None else track.times[rows],
+        unit="",
+        events=None if track.events is None else track.events[rows],
+        stretches=None if stretches is None else stretches[rows],
+    )
+    if track.unit:
+        done.append(f"wrote the times, which were in {track.unit}, in seconds")
+    line = next((one for one in found if isinstance(one.slope, float)), None)
+    if line is not None and track.reference is not None:
+        mended = replace(mended, reference=_laid(track.reference, line, rows), reference_times=None)
+        done.append("laid the reference on the rows of the skin")
+    left = examine_track(mended)[0].findings
+    marks = tuple(
+        {"kind": one.kind, "channels": one.channels, "rows": one.rows, "text": one.text}
+        for one in left
+        if one.kind in MARKED
+    )
+    done += [f"marked: {one['text']}" for one in marks]
+    return replace(mended, marks=marks), done
+
+
+def _laid(reference: FloatArray, line: Finding, rows: Any) -> FloatArray:
+    """The reference at rows of the skin; NaN where it has none."""
+    assert isinstance(line.offset_rows, float)
+    assert isinstance(line.slope, float)
+    at = (rows - line.offset_rows) / (1.0 + line.slope)
+    found = np.interp(at, np.arange(len(reference)), reference)
+    return np.where((at < 0) | (at > len(reference) - 1), np.nan, found)
+
+
+def arrays_of(track: Track, done: list[str]) -> dict[str, Any]:
+    """The arrays of a mended copy, as `skinmap examine` reads them again."""
+    held: dict[str, Any] = {"samples": track.values, "mended": np.array(done or [""])}
+    several = {
+        "times": track.times, "channels": track.ids, "events": track.events,
+        "file_index": track.stretches, "pressure_pa": track.reference,
+        "reference_times": track.reference_times, "positions": track.places,
+    }  # fmt: skip
+    held |= {name: one for name, one in several.items() if one is not None}
+    words = {"labels": track.labels, "sessions": track.sessions, "people": track.people}
+    held |= {name: np.array(one) for name, one in words.items() if one}
+    held["marks"] = np.array([json.dumps(one) for one in track.marks] or [""])[: len(track.marks)]
+    return held

@@ -29,7 +29,7 @@ def rest_faults(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     level = _without_spikes(level[:, lively])
     if survey.loaded:
         return _before_and_after(survey, lively)
-    span = float(np.median((survey.high.max(axis=0) - survey.low.min(axis=0))[lively]))
+    span = float(np.median(survey.span[lively]))
     least = np.maximum(
         6.0 * survey.noise[lively] / np.sqrt(survey.cell), max(1.2 * survey.quantum, 0.05 * span)
     )
@@ -161,7 +161,7 @@ def session_offsets(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     if np.abs(step).sum() < STEP * np.abs(between).sum():  # it drifts
         return []
     usual = np.median(level, axis=0)
-    span = np.median((survey.high.max(axis=0) - survey.low.min(axis=0))[lively])
+    span = np.median(survey.span[lively])
     limit = np.maximum(0.03 * span, 6.0 * survey.noise[lively] / np.sqrt(survey.cell))
     limit = np.maximum(limit, 1.2 * survey.quantum)
     off = np.abs(level - usual) > limit

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter
 from itertools import combinations
-from math import comb
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import bdtrc
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.soundness.finding import Finding, finding
@@ -107,10 +107,8 @@ def _tail(right: int, count: int, share: float) -> float:
     """Chance of at least so many successes."""
     if count > 400:
         size = np.sqrt(count * share * (1 - share))
-        return float(0.0 if right > count * share + 4.5 * size else 1.0)
-    return float(
-        sum(comb(count, k) * share**k * (1 - share) ** (count - k) for k in range(right, count + 1))
-    )
+        return float(right <= count * share + 4.5 * size)
+    return float(bdtrc(right - 1, count, share))
 
 
 def _unfelt(
@@ -123,13 +121,12 @@ def _unfelt(
     share = survey.response[:, good] / np.maximum(survey.floor[good], 1e-12)
     top = share.max(axis=1)
     # By their own rows: a cell at their end may belong to the touch beside them.
-    sign = 1.0 if survey.rising else -1.0
-    rest = survey.mean - survey.response * sign
+    rest = survey.mean - survey.response * survey.sign
 
     def response(own: IntArray) -> float:
         several = np.array_split(own, max(len(own) // survey.cell, 1))
         means = np.array([np.nan_to_num(survey.track.values[one]).mean(axis=0) for one in several])
-        away = (means - rest[survey.cell_of([one[0] for one in several])]) * sign
+        away = (means - rest[survey.cell_of([one[0] for one in several])]) * survey.sign
         return float((away[:, good] / np.maximum(survey.floor[good], 1e-12)).max())
 
     felt = np.array([response(own) for own in rows])
@@ -184,12 +181,11 @@ def _features(survey: Survey, own: IntArray, bad: NDArray[np.bool_]) -> list[flo
     cells = np.unique(survey.cell_of(own))
     strong = np.maximum(survey.response[cells][:, good], 0.0)
     wide = survey.touched[cells][:, good].sum(axis=1)
-    sign = 1.0 if survey.rising else -1.0
-    rest = survey.mean[cells[0], good] - survey.response[cells[0], good] * sign
+    rest = survey.mean[cells[0], good] - survey.response[cells[0], good] * survey.sign
     values = np.nan_to_num(survey.track.values[own][:, good].astype(np.float64))
     starts = np.linspace(0, len(own), min(len(own), STAGES), endpoint=False).astype(int)
     felt = np.add.reduceat(values, starts) / np.diff(np.append(starts, len(own)))[:, None]
-    felt = np.maximum((felt - rest) * sign, 0.0)
+    felt = np.maximum((felt - rest) * survey.sign, 0.0)
     felt[felt <= survey.floor[good]] = 0.0
     course = felt.sum(axis=1) / max(float(felt.sum(axis=1).max()), 1e-12)
     held = np.flatnonzero(course >= 0.2 * course.max())
@@ -251,11 +247,7 @@ def _common(
     kinds, first = kinds[counts == 1], a[first[counts == 1]]
     b = np.flatnonzero(other > 0)
     at = np.searchsorted(kinds, two[b])
-    hit = (
-        (at < len(kinds)) & (kinds[np.minimum(at, len(kinds) - 1)] == two[b])
-        if len(kinds)
-        else np.zeros(len(b), bool)
-    )
+    hit = np.isin(two[b], kinds)
     if hit.sum() < SHARED:
         return None
     rows, there = first[at[hit]], b[hit]

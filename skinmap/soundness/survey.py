@@ -78,11 +78,13 @@ class Survey:
     @cached_property
     def constant(self) -> NDArray[np.bool_]:
         """(n,) Whether a channel never changes."""
-        return np.asarray((self.high.max(axis=0) == self.low.min(axis=0)) | self._silent)
+        silent = self.missing > 0.9 * self.count
+        return np.asarray((self.high.max(axis=0) == self.low.min(axis=0)) | silent)
 
     @cached_property
-    def _silent(self) -> NDArray[np.bool_]:
-        return np.asarray(self.missing > 0.9 * self.count)
+    def span(self) -> NDArray[np.float32]:
+        """(n,) How far apart the extremes of each channel are."""
+        return np.asarray(self.high.max(axis=0) - self.low.min(axis=0))
 
     @cached_property
     def fast(self) -> FloatArray:
@@ -129,6 +131,11 @@ class Survey:
             first = np.median(some[:5], axis=0)
             begin = np.clip((high + low - 2.0 * first) / size, -1.0, 1.0)
         return bool(np.nansum(reach + begin) >= 0)
+
+    @property
+    def sign(self) -> float:
+        """1 where values rise under load, else -1."""
+        return 1.0 if self.rising else -1.0
 
     @cached_property
     def two_sided(self) -> bool:
@@ -186,8 +193,7 @@ class Survey:
     @cached_property
     def floor(self) -> FloatArray:
         """(n,) What a channel must deviate by to count as touched."""
-        span = self.high.max(axis=0) - self.low.min(axis=0)
-        usual = float(np.median(span[~self.constant])) if (~self.constant).any() else 0.0
+        usual = float(np.median(self.span[~self.constant])) if (~self.constant).any() else 0.0
         own = np.maximum(self.noise, self.usual_noise)
         return np.asarray(np.maximum.reduce([TOUCHED * own, np.full(self.width, 0.04 * usual),
                                              np.full(self.width, 1.5 * self.quantum)]))  # fmt: skip
@@ -252,10 +258,9 @@ class Survey:
     @cached_property
     def response(self) -> NDArray[np.float32]:
         """(k, n) Deviation of each cell from rest, which may drift, positive under load."""
-        sign = 1.0 if self.rising else -1.0
         steady = self.loaded or len(self.mean) < 3 * PIECES
         rest = self.rest[None] if steady else self._between(self.levels)
-        found = ((self.mean - rest) * sign).astype(np.float32)
+        found = ((self.mean - rest) * self.sign).astype(np.float32)
         return np.abs(found) if self.two_sided else found
 
     @cached_property

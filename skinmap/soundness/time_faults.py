@@ -1,4 +1,4 @@
-"""Faults of the times of a recording: order, repeats, gaps, bursts and clocks that begin anew."""
+"""Faults of the times of a recording: order, repeats, gaps, bursts, and clocks."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.clock_lines import UNEXPLAINED, align
+from skinmap.errors import InvalidArrayError
 from skinmap.soundness.finding import Finding, finding, spans_of
 from skinmap.soundness.survey import Survey
 
@@ -25,6 +27,7 @@ ALIKE = 0.5  # cosine between the steps before and behind a repeated row
 SHARED = 0.1  # of all rows: those with the time of another
 MOST = 0.5  # the same, beside bursts: there a sensor's own program gave no times
 FEW_CHANGES = 6  # channels
+AWAY = 3.0  # rows by which the clocks must differ somewhere
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,12 +188,9 @@ def _recurs(survey: Survey, rows: IntArray) -> bool:
     patterns = np.ascontiguousarray(survey.track.values[starts])
     _, counts = np.unique(patterns, axis=0, return_counts=True)
     return bool(
-        counts[counts > 1].sum() > 0.02 * len(starts) or _longest(rows) > 0.2 * survey.count
+        counts[counts > 1].sum() > 0.02 * len(starts)
+        or max(b - a + 1 for a, b in spans_of(rows)) > 0.2 * survey.count
     )
-
-
-def _longest(rows: IntArray) -> int:
-    return max(b - a + 1 for a, b in spans_of(rows))
 
 
 def _held(survey: Survey, rows: IntArray) -> NDArray[np.bool_]:
@@ -199,11 +199,12 @@ def _held(survey: Survey, rows: IntArray) -> NDArray[np.bool_]:
     values = survey.track.values
     spans = [(a, b) for a, b in spans_of(rows) if a >= 2 and b + 1 < survey.count]
     lengths = np.array([b - a + 1 for a, b in spans])
-    short = [one for one, k in zip(spans, lengths, strict=True) if k <= HELD]
+    most = HELD
     if len(lengths) > 20:
         usual = int(np.bincount(lengths).argmax())
         if (lengths == usual).mean() > 0.7:  # each row is written several times
-            short = [one for one, k in zip(spans, lengths, strict=True) if k <= max(usual, HELD)]
+            most = max(usual, HELD)
+    short = [one for one, k in zip(spans, lengths, strict=True) if k <= most]
     kept = 0
     for a, b in short:
         if min(survey.changed[a - 1], survey.changed[b + 1]) < FEW_CHANGES:
@@ -393,3 +394,67 @@ def _stamps(off: FloatArray, rows: IntArray, times: FloatArray, step: float) -> 
         "program wrote the rows, not when the sensor measured them."
     )
     return [finding("stamps", text, rows=spans, times=times, confidence=0.9)]
+
+
+def clock_faults(survey: Survey, step: float) -> list[Finding]:
+    """The line of lag between a reference and the skin, or that none fits."""
+    reference = survey.track.reference
+    if reference is None:
+        return []
+    rate = 1.0 / step if step > 0 else 50.0
+    known = np.flatnonzero(np.isfinite(reference))
+    if len(known) < 2:
+        return []
+    begin = int(known[0])
+    reference = np.interp(np.arange(begin, known[-1] + 1), known, reference[known])
+    at, own = _own_rows(survey, reference, step)
+    values = survey.track.values
+    if values.dtype.kind == "f":
+        values = np.nan_to_num(values)
+    try:
+        lines = align(values, own, rate=rate)
+    except InvalidArrayError:
+        return []
+    first = lines[0]
+    if first.unexplained > UNEXPLAINED:
+        text = "The reference fits no part of the skin: it may belong to another recording."
+        return [finding("clocks", text, confidence=0.5, harm=0.2)]
+    # From rows at the skin's rate back to rows of the reference as it was recorded.
+    offset = first.offset_rows + (1.0 + first.slope) * at[0]
+    slope = (1.0 + first.slope) * at[1] - 1.0
+    offset -= begin * (1.0 + slope)
+    ends = offset + slope * begin, offset + slope * (begin + len(reference) - 1)
+    if len(lines) == 1 and max(abs(ends[0]), abs(ends[1])) < max(AWAY, 2.0 * first.residual_rows):
+        return []
+    breaks = [one.first_row for one in lines[1:]]
+    more = f"; rows are lost near reference rows {', '.join(map(str, breaks))}" if breaks else ""
+    text = (
+        f"The reference runs on another clock: it lags the skin by {ends[0]:.0f} rows at its begin "
+        f"and {ends[1]:.0f} at its end{more}."
+    )
+    return [
+        finding(
+            "clocks", text, confidence=float(np.clip(1.0 - first.unexplained, 0.5, 0.99)),
+            offset_rows=float(offset), slope=float(slope),
+            residual_rows=float(first.residual_rows),
+        )
+    ]  # fmt: skip
+
+
+def _own_rows(
+    survey: Survey, reference: np.ndarray, step: float
+) -> tuple[tuple[float, float], np.ndarray]:
+    """The reference at the skin's rate, and the line (offset, factor) from its rows to those.
+
+    Without times of its own it has the skin's nominal rate.
+    """
+    stamps = survey.track.reference_times
+    if stamps is None or step <= 0 or len(stamps) < 2:
+        return (0.0, 1.0), reference
+    own = float(np.median(np.diff(stamps)))
+    if own <= 0 or abs(own / step - 1.0) < 0.03:
+        return (0.0, 1.0), reference
+    count = int(len(reference) * own / step)
+    return (0.0, own / step), np.interp(
+        np.arange(count) * step / own, np.arange(len(reference)), reference
+    )

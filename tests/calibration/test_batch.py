@@ -74,7 +74,7 @@ def test_a_batch_by_two_processes_is_the_same(batch):
         ("name,layout,mesh,anchors\n../a,b,c,d\n", "2: '../a' cannot name a folder"),
         ("name,layout,mesh,anchors\na,b,c,d\na,b,c,d\n", "3: the patch 'a' comes more than once"),
         ("name,layout,mesh,anchors,units\na,b,c,d,ell\n", "2: no unit 'ell'; the units are: m, cm"),
-        ("name,layout,mesh,anchors,sigma_mm\na,b,c,d,0\n", "2: sigma_mm must be above 0, got 0"),
+        ("name,layout,mesh,anchors,mirror\na,b,c,d,1\n", "2: mirror is yes or no, got '1'"),
     ],
 )
 def test_tables_that_cannot_be_read_are_refused_by_line(tmp_path, text, message):

@@ -119,8 +119,8 @@ triangle_10pad 1 52.0 30.0 180 1 1 0
 """
 LAYOUT = b"slots_mm = [[0, 0], [1.5, 2], [3, 4], [5, 0]]\nthermal = [1]\ncentre = 0\nside_mm = 30\n"
 LAYOUT_CSV = b"slot,x_mm,y_mm,thermal\n0,0,0,0\n1,1.5,2,1\n2,3,4,0\n3,5,0,0\n"
-BATCH = b"name,layout,mesh,anchors,units,sigma_mm\n" + b"".join(
-    b"%c,board.csv,m.ply,a.csv,mm,1.5\n" % letter for letter in b"abc"
+BATCH = b"name,layout,mesh,anchors,units,mirror\n" + b"".join(
+    b"%c,board.csv,m.ply,a.csv,mm,no\n" % letter for letter in b"abc"
 )
 MESHES = ("ply", "stl", "obj", "off", "glb", "dae")
 
