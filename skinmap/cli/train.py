@@ -249,10 +249,9 @@ def work(
         read_groups,
     )
     from skinmap.recognition.classifier import WITH_SETS
-    from skinmap.recognition.classifier_options import tuned_classifier
-    from skinmap.recognition.evaluate import score
-    from skinmap.recognition.few_shot import is_few, score_in_turn
+    from skinmap.recognition.evaluate import is_few, score, score_in_turn
     from skinmap.recognition.model_file import SUFFIX, save_classifier
+    from skinmap.recognition.training import tuned_classifier
 
     if output.suffix.lower() not in ("", SUFFIX):  # by which `classify` knows a model
         raise UnknownNameError("format of models for files ending in", output.suffix, [SUFFIX])

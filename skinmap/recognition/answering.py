@@ -27,13 +27,12 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.recognition.answers import Answer, Answers, HandAnswer, HandWord
 from skinmap.recognition.descriptors import ContactGeometry, Touch
-from skinmap.recognition.rbf_machine import RbfMachine
-from skinmap.recognition.sets.prediction_sets import (
+from skinmap.recognition.prediction_sets import (
     SetCalibration,
-    left_out_by,
+    folds_of,
     set_calibration_from,
 )
-from skinmap.skin.checks import twin_parts
+from skinmap.recognition.rbf_machine import RbfMachine
 from skinmap.touch.contacts.contact_geometry import FEATURES, contact_geometry
 from skinmap.touch.contacts.contact_shape import SIZE, contact_shape
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES, MOVES
@@ -50,7 +49,6 @@ STAYS = "still"  # the motion of a touch that stays
 COVERAGE = 0.9  # of the sets
 SURE = (0.2, 0.8)  # probability of a hand below which it is none, and from which it is one
 NO_HAND = 0.05  # probability up to which a thing is named: a finger named a thing is worse
-FOLDS = 5
 LEAST = 50  # rows of a name that are learnt, where there are so many
 PARTS = ("kind", "other", "motion", "hand")  # machines, by what they tell apart
 NETWORKS = ("labels", "mean", "scale", "first", "second", "third")  # arrays of `HandNetworks`
@@ -302,21 +300,15 @@ def train_machine(
     """A machine for rows (m, d) of touches, and what its copies think of touches left out.
 
     At most `most_rows` are learnt, of each name no more than `even` times those of the rarest.
-    Parts are left out with their mirror images where there are three or more, else people by name,
-    else touches at random.
+    Groups are left out in turn (`folds_of`).
     """
-    skins = dict.fromkeys(touch.skin for touch in touches)
-    shape_of = twin_parts({skin.fingerprint: skin.skin for skin in skins})
-    known = tuple(touch.skin.fingerprint for touch in touches)
-    shapes = tuple(shape_of[one] for one in known)
-    people = tuple(touch.person for touch in touches)
-    fold = left_out_by(shapes, people)[1] % FOLDS
     names = np.array(labels)
     machine = _fitted(rows, names, rng, most_rows, even)
     if machine is None:
         raise InvalidArrayError(f"answers need two names or more; got {', '.join(set(labels))}")
     if not sets:
         return Machine(machine)
+    words, fold = folds_of(touches)
     shares, strange = np.zeros(len(rows)), np.zeros(len(rows))
     for number in np.unique(fold):
         test = fold == number
@@ -330,7 +322,7 @@ def train_machine(
             for k, name in enumerate(names[test].tolist())
         ]
         strange[test] = copy.strangeness(rows[test])
-    return Machine(machine, SetCalibration(shares, strange, known, shapes, people))
+    return Machine(machine, SetCalibration(shares, strange, *words))
 
 
 def _fitted(

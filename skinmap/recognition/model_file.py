@@ -40,8 +40,7 @@ from skinmap.errors import (
     check_kind,
 )
 from skinmap.recognition.catalogue import classifiers
-from skinmap.recognition.sets.prediction_sets import set_calibration_from
-from skinmap.recognition.sets.rejection import doubt_from
+from skinmap.recognition.prediction_sets import doubt_from, set_calibration_from
 from skinmap.recognition.trained_skin import TrainedSkin
 
 if TYPE_CHECKING:

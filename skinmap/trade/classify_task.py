@@ -13,9 +13,9 @@ import numpy as np
 from skinmap.errors import InvalidArrayError
 from skinmap.profile import Value
 from skinmap.recognition.classifier import DEFAULT, TouchClassifier, learnable
-from skinmap.recognition.classifier_options import tuned_classifier
 from skinmap.recognition.descriptors import Touch, recorded_touches
 from skinmap.recognition.evaluate import likeliest, score
+from skinmap.recognition.training import tuned_classifier
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import FOUR
 from skinmap.touch.simulation.simulator import simulate

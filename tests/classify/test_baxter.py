@@ -10,7 +10,7 @@ import skinmap
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, UnknownNameError
 from skinmap.recognition.classifier import classifiers
 from skinmap.recognition.descriptors import Touch
-from skinmap.recognition.images import visual_features
+from skinmap.recognition.images import bag_of_words
 from skinmap.recognition.images.cnn import ContactImageCNN
 from skinmap.recognition.model_file import load_classifier, save_classifier
 from skinmap.recognition.protocols import baxter_methods
@@ -214,7 +214,7 @@ def test_a_missing_library_leaves_one_method_out(skin, monkeypatch):
     def missing(*_: object, **__: object) -> None:
         raise MissingLibraryError("bags of visual words need mahotas")
 
-    monkeypatch.setattr(visual_features, "import_optional", missing)
+    monkeypatch.setattr(bag_of_words, "import_optional", missing)
     with pytest.warns(SkinWarning, match="bovw is left out: .*mahotas"):
         found = evaluate_baxter(skin, seed=1, repeats=1, images=160, methods=("bovw",), tuned=False)
     assert plain(found.bovw) == {"missing": "bags of visual words need mahotas"}

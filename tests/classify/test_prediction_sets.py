@@ -12,13 +12,14 @@ from skinmap.recognition.descriptors import recorded_touches
 from skinmap.recognition.model_file import load_classifier, save_classifier
 from skinmap.recognition.named_classifiers import histogram_classifier
 from skinmap.recognition.naming import in_words
-from skinmap.recognition.sets.held_out import felt_rows, held_out
-from skinmap.recognition.sets.prediction_sets import (
+from skinmap.recognition.prediction_sets import (
     DOUBT,
     FAMILIAR,
     LEAST,
     SetCalibration,
     enough_names,
+    felt_rows,
+    held_out,
     left_out_by,
     left_out_quantile,
     quantile,

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.recognition.images.bag_of_words import WORDS, count_words, learn_words
+from skinmap.recognition.images.bag_of_words import WORDS, count_words, learn_words, local_features
 from skinmap.recognition.images.cnn import RECIPES, ContactImageCNN, train_along
-from skinmap.recognition.images.visual_features import local_features
 from skinmap.recognition.protocols.baxter_images import ImageSet
 from skinmap.recognition.protocols.folds import FoldKind, Names, make_folds
 

@@ -19,7 +19,7 @@ from skinmap.parallel.run import task_rng
 from skinmap.recognition.classifier import classifiers
 from skinmap.recognition.descriptors import Touch
 from skinmap.recognition.evaluate import likeliest
-from skinmap.recognition.few_shot import LEAST
+from skinmap.recognition.prediction_sets import LEARNT
 from skinmap.recognition.protocols.folds import Fold, Names, make_folds, recalls
 from skinmap.recognition.protocols.results import LeftOutRow, Meaning
 from skinmap.touch.contacts.skin_geometry import pool_event
@@ -233,7 +233,7 @@ def _named(
     named = np.full(len(touches), "", dtype=object)
     for train, test in splits:
         learnt = [touches[k] for k in train.tolist()]
-        model = classifiers.get(classifier)().fit(learnt, rng=rng, least=LEAST)
+        model = classifiers.get(classifier)().fit(learnt, rng=rng, least=LEARNT)
         for k in test.tolist():
             named[k] = likeliest(model, touches[k]).label
     return named.astype(str)
