@@ -26,11 +26,18 @@ from skinmap.profile import FORMAT, PROFILE, Value
 from skinmap.report.present import present
 from skinmap.report.result import significant
 from skinmap.report.table import Table
-from skinmap.trade.measuring import Point, Recommended, TaskRow, TradeResult, Unmeasured, describe
-from skinmap.trade.task import defaults
+from skinmap.trade.measuring import (
+    Point,
+    Recommended,
+    TaskRow,
+    TradeResult,
+    Unmeasured,
+    defaults,
+    describe,
+)
 
 if TYPE_CHECKING:
-    from skinmap.trade.task import TradeTask
+    from skinmap.trade.measuring import TradeTask
 
 ALL = "all"
 
@@ -161,8 +168,7 @@ def _recommended(task: TradeTask, points: Sequence[Point], seconds: float | None
 
 def every_task() -> dict[str, TradeTask]:
     """The tasks by name."""
-    from skinmap.trade.classify_task import classify_task
-    from skinmap.trade.flatten_task import flatten_task
+    from skinmap.trade.tasks import classify_task, flatten_task
 
     return {"flatten": flatten_task, "classify": classify_task}
 

@@ -19,7 +19,7 @@ from skinmap.report.table import Cell
 if TYPE_CHECKING:
     from skinmap.io.recordings.cyskin_arrays import PressedSkin
     from skinmap.parallel.workers import Workers
-    from skinmap.recognition.protocols.left_out import Way
+    from skinmap.recognition.protocols.recordings import Way
     from skinmap.touch.prepared_skin import PreparedSkin
 
 PROTOCOLS = (

@@ -29,9 +29,8 @@ SETTINGS = Baxter
 def work(settings: Settings) -> BaxterResult:
     """Run the protocol."""
     from skinmap.io.recordings.image_files import read_images
-    from skinmap.recognition.protocols.baxter import evaluate_baxter
+    from skinmap.recognition.protocols.baxter import METHODS, evaluate_baxter
     from skinmap.recognition.protocols.baxter_images import ImageSet, given_images
-    from skinmap.recognition.protocols.baxter_methods import METHODS
     from skinmap.touch.prepared_skin import PreparedSkin
 
     subject: PreparedSkin | ImageSet

@@ -33,7 +33,7 @@ SETTINGS = Kaspar
 def work(settings: Settings) -> KasparResult:
     """Run the protocol."""
     from skinmap.recognition.protocols import kaspar
-    from skinmap.recognition.protocols.carry_over import evaluate_carry_over
+    from skinmap.recognition.protocols.kaspar import evaluate_carry_over
     from skinmap.touch.prepared_skin import PreparedSkin
 
     if settings.names:

@@ -97,7 +97,7 @@ def judge_groups(
 ) -> list[LeftOutRow]:
     """A row for touches dealt out and for each kind of group left out, of each classifier."""
     from skinmap.recognition.protocols.folds import run_repeats
-    from skinmap.recognition.protocols.left_out import NAIVE, Judged, places_of, run_left_out
+    from skinmap.recognition.protocols.recordings import NAIVE, Judged, places_of, run_left_out
 
     touches = tuple(one.touch for one in chosen)
     groups = {

@@ -32,7 +32,7 @@ def work(settings: Settings) -> TimeResult:
     from skinmap.live.contacts.stroke_errors import stroke_errors
     from skinmap.physics.variants import DEFAULT, FROZEN
     from skinmap.recognition.protocols.cross_patch import OURS
-    from skinmap.recognition.protocols.in_time import evaluate_in_time, play
+    from skinmap.recognition.protocols.physics import evaluate_in_time, play
     from skinmap.skin.checks import twin_parts
     from skinmap.touch.prepared_skin import PreparedSkin
     from skinmap.touch.simulation.gestures import TIME
