@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import Folds, Rows, Settings, chosen_gestures
+from skinmap.cli.evaluate.evaluation import Evaluation, Folds, Rows, Settings, chosen_gestures
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.recognition.protocols.results import LeftOutRow, RecordingsResult
 from skinmap.report.result import given
@@ -159,4 +159,4 @@ def _left_out(result: RecordingsResult) -> Iterator[str | Table]:
         yield f"warning: {warning}"
 
 
-SETTINGS = Folds
+EVALUATIONS = {"recordings": Evaluation(work, lines, Folds)}
