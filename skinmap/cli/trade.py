@@ -175,12 +175,10 @@ def every_task() -> dict[str, TradeTask]:
 
 def _tasks(names: tuple[str, ...]) -> dict[str, TradeTask]:
     """The tasks asked for by name."""
-    from skinmap.errors import UnknownNameError
+    from skinmap.errors import check_known
 
     known = every_task()
-    for name in names:
-        if name not in (ALL, *known):
-            raise UnknownNameError("trade task", name, known)
+    check_known("trade task", (name for name in names if name != ALL), known)
     return known if ALL in names else {name: known[name] for name in dict.fromkeys(names)}
 
 

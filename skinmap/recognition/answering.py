@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, check_known
 from skinmap.recognition.answers import Answer, Answers, HandAnswer, HandWord
 from skinmap.recognition.descriptors import ContactGeometry, Touch
 from skinmap.recognition.prediction_sets import (
@@ -388,9 +388,7 @@ def check_groups(groups: Mapping[str, Sequence[str]], labels: Sequence[str]) -> 
     """
     if set(groups) != set(GROUPS):
         raise InvalidArrayError(f"the groups are hand and other, got {', '.join(groups) or 'none'}")
-    for name in (one for own in groups.values() for one in own):
-        if name not in labels:
-            raise UnknownNameError("recorded label", name, labels)
+    check_known("recorded label", (one for own in groups.values() for one in own), labels)
     both = [name for name in groups["hand"] if name in groups["other"]]
     if both:
         raise InvalidArrayError(
@@ -409,9 +407,7 @@ def check_motions(motions: Sequence[str], labels: Sequence[str]) -> tuple[str, .
     UnknownNameError
         One that is not among the labels.
     """
-    for name in motions:
-        if name not in labels:
-            raise UnknownNameError("recorded label", name, labels)
+    check_known("recorded label", motions, labels)
     return tuple(name for name in labels if name in (*motions, *TIME))
 
 

@@ -8,10 +8,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import compress
 
 import numpy as np
 
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, check_known
 from skinmap.recognition.classifier import (
     CALIBRATION_FOLDS,
     NO_CONTACT,
@@ -53,7 +54,7 @@ class Score:
     counts: Mapping[str, int] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Split:
     """Touches to train on, other touches of the same parts, and touches of other parts."""
 
@@ -76,23 +77,27 @@ def split_touches(
     UnknownNameError
         A part to train on that no recording is of.
     """
-    recorded = [recording.part for recording in recordings]
-    for part in train_parts:
-        if part not in recorded:
-            raise UnknownNameError("recorded part", part, recorded)
-    train: list[Touch] = []
-    same: list[Touch] = []
-    other: list[Touch] = []
-    for recording in recordings:
-        skin = skins[recording.part]
-        touches = recorded_touches(skin, recording)
-        if recording.part not in train_parts:
-            other.extend(touches)
+    check_known("recorded part", train_parts, [recording.part for recording in recordings])
+    every = [(one.part, recorded_touches(skins[one.part], one)) for one in recordings]
+    return split_parts(every, train_parts, rng=rng)
+
+
+def split_parts(
+    touches: Sequence[tuple[str, Sequence[Touch]]],
+    train_parts: Sequence[str],
+    *,
+    rng: np.random.Generator,
+) -> Split:
+    """Divide the touches of parts that were recorded, of each recording or skin apart."""
+    found = Split((), (), ())
+    for part, own in touches:
+        if part not in train_parts:
+            found.other_parts += (*own,)
             continue
-        held = rng.permutation(len(touches)) < HELD_OUT * len(touches)
-        same.extend(touch for touch, out in zip(touches, held, strict=True) if out)
-        train.extend(touch for touch, out in zip(touches, held, strict=True) if not out)
-    return Split(tuple(train), tuple(same), tuple(other))
+        held = rng.permutation(len(own)) < HELD_OUT * len(own)
+        found.same_parts += tuple(compress(own, held))
+        found.train += tuple(compress(own, ~held))
+    return found
 
 
 def likeliest(classifier: TouchClassifier, touch: Touch) -> Prediction:

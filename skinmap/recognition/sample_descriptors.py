@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import InvalidArrayError, NotFittedError, SkinMismatchError, UnknownNameError
+from skinmap.errors import InvalidArrayError, NotFittedError, SkinMismatchError, check_known
 from skinmap.recognition.descriptors import ROWS, ContactGeometry, Descriptor, Histograms, Touch
 from skinmap.touch.contacts.skin_geometry import pressed
 from skinmap.touch.histograms.codebook import COUNTS
@@ -133,6 +133,5 @@ def descriptor_of(kind: str) -> Descriptor:
     UnknownNameError
         A kind that there is not.
     """
-    if kind not in INPUT_KINDS:
-        raise UnknownNameError("input kind", str(kind), INPUT_KINDS)
+    check_known("input kind", [str(kind)], INPUT_KINDS)
     return INPUT_KINDS[kind]()

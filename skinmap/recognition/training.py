@@ -6,25 +6,22 @@ Classifiers with other settings than their own: what trades speed for accuracy.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
-from typing import Any, cast
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, UnknownNameError, check_known
 from skinmap.neighbours.offsets import WIDEST
 from skinmap.recognition.catalogue import DEFAULT
 from skinmap.recognition.classifier import WITH_SETS, TouchClassifier, classifiers
-from skinmap.recognition.descriptors import Histograms, recorded_touches
-from skinmap.recognition.sample_descriptors import LARGEST, PaperImages
+from skinmap.recognition.descriptors import recorded_touches
+from skinmap.recognition.sample_descriptors import LARGEST
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import prepare_skins
 from skinmap.touch.recording import Recording
 
-OF_HISTOGRAMS = ("radius_mm", "words", "rotations", "distance")
-OF_IMAGES = ("image_size", "words", "network")
-ROTATIONS = (1, 4, 6)
-DISTANCES = ("euclidean", "geodesic")
 MAX_WORDS = 250  # votes are counted with one byte a word
 
 
@@ -48,57 +45,18 @@ def tuned_classifier(name: str, knobs: Mapping[str, Any]) -> TouchClassifier:
         A number out of range, or a knob that does not concern the classifier.
     """
     model = classifiers.get(name)()
-    given = {knob: value for knob, value in knobs.items() if value is not None}
-    tuned: set[str] = set()
-    if isinstance(model.descriptor, Histograms):
-        tuned = _tune_histograms(model.descriptor, given)
-    elif isinstance(model.descriptor, PaperImages):
-        tuned = _tune_images(model, given)
-    for knob in given:
-        if knob not in (*OF_HISTOGRAMS, *OF_IMAGES):
-            raise UnknownNameError(
-                "knob of classifiers", knob, dict.fromkeys((*OF_HISTOGRAMS, *OF_IMAGES))
-            )
-        if knob not in tuned:
-            raise InvalidArrayError(f"{knob} does not concern the classifier {name!r}")
-    return model
-
-
-def _tune_histograms(descriptor: Histograms, knobs: Mapping[str, Any]) -> set[str]:
-    if "radius_mm" in knobs:
-        descriptor.radius = _within("radius_mm", knobs["radius_mm"], 0.1, WIDEST * 1e3) * 1e-3
-    if "words" in knobs:
-        descriptor.words = int(_within("words", knobs["words"], 2, MAX_WORDS))
-    if "rotations" in knobs:
-        if knobs["rotations"] not in ROTATIONS:
-            raise UnknownNameError("rotations", str(knobs["rotations"]), map(str, ROTATIONS))
-        descriptor.rotations = int(knobs["rotations"])
-    if "distance" in knobs:
-        if knobs["distance"] not in DISTANCES:
-            raise UnknownNameError("distance", str(knobs["distance"]), DISTANCES)
-        descriptor.distance = knobs["distance"]
-    return set(OF_HISTOGRAMS) & knobs.keys()
-
-
-def _tune_images(model: TouchClassifier, knobs: Mapping[str, Any]) -> set[str]:
     steps = [step for _, step in getattr(model.estimator, "steps", [("", model.estimator)])]
-    changed: set[str] = set()
-    for step in steps:
-        if "image_size" in knobs and hasattr(step, "image_shape"):
-            cast("PaperImages", model.descriptor).size = read_size(knobs["image_size"])
-            step.image_shape = read_size(knobs["image_size"])
-            changed.add("image_size")
-        if "network" in knobs and hasattr(step, "network"):
-            from skinmap.recognition.images.cnn import RECIPES
-
-            if knobs["network"] not in RECIPES:
-                raise UnknownNameError("network", str(knobs["network"]), RECIPES)
-            step.network = knobs["network"]
-            changed.add("network")
-        if "words" in knobs and hasattr(step, "words"):
-            step.words = int(_within("words", knobs["words"], 2, MAX_WORDS))
-            changed.add("words")
-    return changed
+    given = {knob: value for knob, value in knobs.items() if value is not None}
+    check_known("knob of classifiers", given, KNOBS)
+    for knob, value in given.items():
+        attributes, read = KNOBS[knob]
+        things = [(one, own) for one in (model.descriptor, *steps) for own in attributes]
+        held = [(one, own) for one, own in things if hasattr(one, own)]
+        if not held:
+            raise InvalidArrayError(f"{knob} does not concern the classifier {name!r}")
+        for one, own in held:
+            setattr(one, own, read(value))
+    return model
 
 
 def read_size(text: object) -> tuple[int, int]:
@@ -118,10 +76,28 @@ def read_size(text: object) -> tuple[int, int]:
     return rows, columns
 
 
-def _within(knob: str, value: Any, least: float, most: float) -> float:
+def _within(knob: str, least: float, most: float, value: Any) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not least <= value <= most:
         raise InvalidArrayError(f"{knob} must be {least:g} to {most:g}, got {value!r}")
     return float(value)
+
+
+def _one_of(knob: str, known: Sequence[Any], value: Any) -> Any:
+    if value not in known:
+        raise UnknownNameError(knob, str(value), map(str, known))
+    return value
+
+
+# By knob, what it is called where it is kept, in a descriptor or a step of an estimator, and how
+# its value is read.
+KNOBS: dict[str, tuple[tuple[str, ...], Callable[[Any], Any]]] = {
+    "radius_mm": (("radius",), lambda mm: 1e-3 * _within("radius_mm", 0.1, 1e3 * WIDEST, mm)),
+    "words": (("words",), lambda count: int(_within("words", 2, MAX_WORDS, count))),
+    "rotations": (("rotations",), partial(_one_of, "rotations", (1, 4, 6))),
+    "distance": (("distance",), partial(_one_of, "distance", ("euclidean", "geodesic"))),
+    "image_size": (("size", "image_shape"), read_size),
+    "network": (("network",), partial(_one_of, "network", ("paper", "small"))),
+}
 
 
 def train(
@@ -187,9 +163,7 @@ def train(
     untrained = tuned_classifier(classifier, dict(settings or {}))
     every = [recordings] if isinstance(recordings, Recording) else list(recordings)
     recorded = [one.part for one in every]
-    for part in parts or ():
-        if part not in recorded:
-            raise UnknownNameError("recorded part", part, recorded)
+    check_known("recorded part", parts or (), recorded)
     chosen = [one for one in every if parts is None or one.part in parts]
     skins = prepare_skins(robot, chosen)
     touches = [touch for one in chosen for touch in recorded_touches(skins[one.part], one)]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinmap.cli.evaluate.evaluation import Evaluation, Folds, Rows, Settings, chosen_gestures
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, check_known
 from skinmap.recognition.protocols.results import LeftOutRow, RecordingsResult
 from skinmap.report.result import given
 from skinmap.report.table import Table
@@ -86,9 +86,7 @@ def judged_touches(collection: Collection, only: Sequence[str]) -> list[Collecte
             "`skinmap label`"
         )
     check_spelling(known)
-    for name in only:
-        if name not in known:
-            raise UnknownNameError("recorded gesture", name, known)
+    check_known("recorded gesture", only, known)
     return [one for one in found if not only or one.touch.label in only]
 
 

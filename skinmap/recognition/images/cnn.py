@@ -24,7 +24,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import (
     InvalidArrayError,
     NotFittedError,
-    UnknownNameError,
+    check_known,
     unknown_name,
 )
 from skinmap.imports import import_optional
@@ -238,8 +238,7 @@ class ContactImageCNN(ClassifierMixin, BaseEstimator):
         MissingLibraryError
             torch is not installed.
         """
-        if self.network not in RECIPES:
-            raise UnknownNameError("network", str(self.network), RECIPES)
+        check_known("network", [str(self.network)], RECIPES)
         table, labels = validate_data(self, X, y)
         check_classification_targets(labels)
         self.classes_, number = np.unique(labels, return_inverse=True)

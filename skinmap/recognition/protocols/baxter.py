@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, UnknownNameError
+from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, check_known
 from skinmap.parallel.run import task_rng
 from skinmap.parallel.workers import ONE, Workers
 from skinmap.recognition.images.bag_of_words import WORDS, count_words, learn_words, local_features
@@ -311,9 +311,7 @@ def evaluate_baxter(
     """
     if repeats < 1:
         raise InvalidArrayError(f"at least 1 repeat, got {repeats}")
-    for name in methods:
-        if name not in METHODS:
-            raise UnknownNameError("method", name, METHODS)
+    check_known("method", methods, METHODS)
     if isinstance(skin, ImageSet):
         data, part, taxels = skin, "", 0
     else:
