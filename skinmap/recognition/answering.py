@@ -228,11 +228,14 @@ def three_answers_from(arrays: Mapping[str, NDArray[Any]]) -> ThreeAnswers:
             raise InvalidArrayError(f"its networks for hands need {', '.join(NETWORKS)}")
         numbers = {key: np.asarray(networks[key], np.float64) for key in NETWORKS[1:]}
         found.networks = HandNetworks(networks["labels"], **numbers)
-    # Copies of a model that shipped before had two machines for hands; what ships now is better.
-    copied = any(key.startswith("grip.") for key in arrays)
+    strange = {key.partition(".")[0] for key in arrays} - {*PARTS, "networks"}
+    if strange:
+        raise InvalidArrayError(
+            f"answers of an earlier version ({', '.join(strange)}): train again"
+        )
     for name in PARTS:
         own = _below(arrays, f"{name}.")
-        if not own or (name == "hand" and copied):
+        if not own:
             continue
         machine = RbfMachine()
         machine.from_arrays(_below(own, "machine."))

@@ -5,7 +5,6 @@ One name for every touch: touches are told apart as for any classifier, and not 
 
 from __future__ import annotations
 
-import warnings
 from collections import Counter
 from collections.abc import Callable, Sequence
 from copy import copy
@@ -18,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import BrokenPluginError, InvalidArrayError, NotFittedError, SkinWarning
+from skinmap.errors import BrokenPluginError, InvalidArrayError, NotFittedError
 from skinmap.recognition.catalogue import BUILT_IN, DEFAULT, classifiers
 from skinmap.recognition.descriptors import ContactGeometry, Descriptor, Touch
 from skinmap.recognition.histograms.intersection import IntersectionSVC, one_vs_rest
@@ -276,13 +275,6 @@ class Classifier(Summary):
                 f"`skinmap train` keeps them for {', '.join(WITH_SETS)}"
             )
         self.coverage = check_coverage(coverage)
-        if not any(self.sets.skins):
-            warnings.warn(
-                "the model was made before its sets of names knew a skin by its layout: they are "
-                "wider than they need be until it is trained again",
-                SkinWarning,
-                stacklevel=2,
-            )
 
     def prepare(self, skin: PreparedSkin) -> None:
         """Make ready to name touches on a skin one at a time, by compiled loops where numba is.

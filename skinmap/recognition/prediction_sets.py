@@ -66,7 +66,7 @@ class SetCalibration:
     strange : (m,) float
         Distance from what that classifier learnt; all 0 where that is not measured.
     skins : tuple of str
-        Fingerprint of the skin of each; empty words in files of before, which kept the part's name.
+        Fingerprint of the skin of each.
     shapes : tuple of str
         The same word for skins of one shape, reflected or not.
     people : tuple of str
@@ -116,9 +116,6 @@ class SetCalibration:
 
     def _threshold(self, coverage: float, skin: str, person: str) -> float:
         scores = self.surprise(self.shares, self.strange)
-        if not any(self.skins):  # mirror images were not left out together: as the worst part needs
-            parts = np.array(self.shapes)
-            return max(quantile(scores[parts == one], coverage) for one in np.unique(parts))
         by, groups = left_out_by(self.shapes, self.people)
         if by != "parts" and skin not in self.skins:
             return float("inf")  # nothing was left out that could show it
@@ -147,11 +144,7 @@ class SetCalibration:
 
 
 def set_calibration_from(arrays: Mapping[str, NDArray[Any]]) -> SetCalibration:
-    """What `to_arrays` gave, or files of before, that name parts and know no layout."""
-    if "parts" in arrays:
-        shares, nobody = 1.0 - arrays["scores"], ("",) * len(arrays["scores"])
-        parts = tuple(map(str, arrays["parts"]))
-        return SetCalibration(shares, np.zeros(len(shares)), nobody, parts, nobody)
+    """What `to_arrays` gave."""
     skins, shapes, people = (tuple(map(str, arrays[name])) for name in WORDS)
     return SetCalibration(arrays["shares"], arrays["strange"], skins, shapes, people)
 
