@@ -8,7 +8,7 @@ import re
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -174,6 +174,19 @@ class UnknownNameError(SkinError, LookupError):
 
     def __reduce__(self) -> tuple[Any, ...]:
         return type(self), (self.kind, self.name, self.known, self.where)
+
+
+def check_known(kind: str, names: Iterable[str], known: Collection[str]) -> None:
+    """Refuse the first name that nothing has.
+
+    Raises
+    ------
+    UnknownNameError
+        As its parameters: what was looked for, and the names that exist.
+    """
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(kind, name, known)
 
 
 class DataFormatError(SkinError, ValueError):

@@ -23,7 +23,7 @@ LOOPS = """
 import json, os, sys
 import numpy as np
 import skinmap
-from skinmap.recognition.histograms.additive import AdditiveFunction
+from skinmap.recognition.histograms.intersection import AdditiveFunction
 from skinmap.neighbours.matching import _match
 from skinmap.surface.compiled import take_kernel
 from skinmap.numba_loops import compiled

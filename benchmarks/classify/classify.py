@@ -22,8 +22,11 @@ from benchmarks.harness.timing import medians, quartiles, ratio_quartiles, take_
 from benchmarks.live.live_memory import TAUGHT, train
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import Structures, find_structures
-from skinmap.recognition.histograms.additive import intersection_function
-from skinmap.recognition.histograms.intersection import IntersectionSVC, intersection_kernel
+from skinmap.recognition.histograms.intersection import (
+    IntersectionSVC,
+    intersection_function,
+    intersection_kernel,
+)
 from skinmap.recognition.naming import name_touches
 from skinmap.touch.histograms.codebook import Codebook, learn_codebook, patterns
 from skinmap.touch.histograms.votes import VoteCounter

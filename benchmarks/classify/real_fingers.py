@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from benchmarks.harness.keep import run
 from benchmarks.harness.origin import watched
 from benchmarks.harness.record import RESULTS, about, write
-from skinmap.cli.evaluate.protocol_fingers import ARCHIVE, FOLDER
+from skinmap.cli.evaluate.protocol_real import ARCHIVE, FOLDER
 from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
 from skinmap.recognition.classifier import DEFAULT, TouchClassifier, classifiers
 from skinmap.recognition.descriptors import recorded_touches

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.commands.options import named_robot
-from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError
+from skinmap.errors import MissingFileError, SkinMismatchError, check_known
 from skinmap.io.recordings.touch_files import is_readable, read_recordings, readable
 from skinmap.io.text import is_file
 from skinmap.soundness.examination import falsifying
@@ -176,9 +176,7 @@ def collect(
         if recordings:
             own = tracks_of(recordings, str(file), placed=False)
             tracks += [one for one in own if len(one.values)]
-    for part in parts:
-        if part not in there:
-            raise UnknownNameError("recorded part", part, there)
+    check_known("recorded part", parts, there)
     unsound = tuple(falsifying(tracks))
     return Collection(tuple(touches), skins, tuple(files), tuple(rates), stuck, unsound)
 

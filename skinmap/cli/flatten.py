@@ -26,7 +26,13 @@ from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import retired
 from skinmap.commands.spreading import ALONE, WorkerOptions, workers_options
-from skinmap.errors import InvalidArrayError, MissingFileError, OutputError, UnknownNameError
+from skinmap.errors import (
+    InvalidArrayError,
+    MissingFileError,
+    OutputError,
+    UnknownNameError,
+    check_known,
+)
 from skinmap.flat.flat_rows import ComparedRow, PatchRow
 from skinmap.report.present import present
 from skinmap.report.table import Cell, Table
@@ -259,8 +265,7 @@ def _sources(
     from skinmap.io.flat_maps.sources import file_sources, robot_sources
     from skinmap.surface.surface_mesh import DEFAULT, MESHING
 
-    if meshing not in (None, *MESHING):
-        raise UnknownNameError("meshing method", meshing, MESHING)
+    check_known("meshing method", [meshing] if meshing is not None else [], MESHING)
     paths = [Path(robot) for robot in dict.fromkeys(robots)]
     suffixes = {path.suffix.lower() for path in paths}
     if suffixes <= MESHES or suffixes == {".json"}:

@@ -190,7 +190,7 @@ def _found(recording: Path, robot: Robot, times: FloatArray) -> Marks:
     from skinmap.io.recordings.recorded_stream import MarkedTouch
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.open_recording import open_recording
-    from skinmap.recognition.given_name import GivenName
+    from skinmap.recognition.classifier import GivenName
     from skinmap.touch.touch_labels import UNNAMED
 
     source = open_recording(recording, robot=robot, speed=float("inf"))

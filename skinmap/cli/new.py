@@ -139,7 +139,7 @@ def work(
     force: bool,
 ) -> NewResult | NewQuestions:
     """Read the files, find units and links, ask where a terminal is there, and write."""
-    from skinmap.errors import UnknownNameError
+    from skinmap.errors import check_known
     from skinmap.io.robots.mesh_file import MESH_SUFFIXES
     from skinmap.io.robots.new_manifest import (
         NewPart,
@@ -165,9 +165,7 @@ def work(
         body: UrdfBody = MeshBody(model, scale=UNITS[scale])
     else:
         body = UrdfBody(model)
-    for link in links:
-        if link not in body.links:
-            raise UnknownNameError("link", link, body.links)
+    check_known("link", links, body.links)
     robot = Robot(robot_name(body), body, {})
     given: list[str | None] = [*links] or [None]
     given *= len(tables) if len(given) == 1 else 1

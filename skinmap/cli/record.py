@@ -134,7 +134,7 @@ def command(
     from skinmap.live.recording.recording_tap import RecordingTap
     from skinmap.live.response.loads import load_calibrations
     from skinmap.live.sources.source import Seekable, blocks
-    from skinmap.recognition.given_name import GivenName
+    from skinmap.recognition.classifier import GivenName
     from skinmap.recognition.model_file import load_classifier
     from skinmap.touch.prepared_skin import PreparedSkin
     from skinmap.touch.touch_labels import check_label

@@ -142,13 +142,12 @@ class StreamResult:
 
 def _faults(ctx: click.Context, param: click.Parameter, given: tuple[str, ...]) -> dict[str, Any]:
     """Values of `--fault NAME=VALUE` by name."""
-    from skinmap.errors import UnknownNameError
+    from skinmap.errors import check_known
 
     found = {}
     for one in given:
         name, _, value = one.partition("=")
-        if name not in SENSING:
-            raise UnknownNameError("fault", name, SENSING)
+        check_known("fault", [name], SENSING)
         found[name] = SENSING[name].convert(value, param, ctx)
     return found
 

@@ -26,11 +26,18 @@ from skinmap.profile import FORMAT, PROFILE, Value
 from skinmap.report.present import present
 from skinmap.report.result import significant
 from skinmap.report.table import Table
-from skinmap.trade.measuring import Point, Recommended, TaskRow, TradeResult, Unmeasured, describe
-from skinmap.trade.task import defaults
+from skinmap.trade.measuring import (
+    Point,
+    Recommended,
+    TaskRow,
+    TradeResult,
+    Unmeasured,
+    defaults,
+    describe,
+)
 
 if TYPE_CHECKING:
-    from skinmap.trade.task import TradeTask
+    from skinmap.trade.measuring import TradeTask
 
 ALL = "all"
 
@@ -161,20 +168,17 @@ def _recommended(task: TradeTask, points: Sequence[Point], seconds: float | None
 
 def every_task() -> dict[str, TradeTask]:
     """The tasks by name."""
-    from skinmap.trade.classify_task import classify_task
-    from skinmap.trade.flatten_task import flatten_task
+    from skinmap.trade.tasks import classify_task, flatten_task
 
     return {"flatten": flatten_task, "classify": classify_task}
 
 
 def _tasks(names: tuple[str, ...]) -> dict[str, TradeTask]:
     """The tasks asked for by name."""
-    from skinmap.errors import UnknownNameError
+    from skinmap.errors import check_known
 
     known = every_task()
-    for name in names:
-        if name not in (ALL, *known):
-            raise UnknownNameError("trade task", name, known)
+    check_known("trade task", (name for name in names if name != ALL), known)
     return known if ALL in names else {name: known[name] for name in dict.fromkeys(names)}
 
 

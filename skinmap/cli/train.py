@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from skinmap.cli.collection import Collection
     from skinmap.recognition.descriptors import Touch
+    from skinmap.recognition.evaluate import Split
 
     Touches = list[Touch]
 
@@ -249,10 +250,9 @@ def work(
         read_groups,
     )
     from skinmap.recognition.classifier import WITH_SETS
-    from skinmap.recognition.classifier_options import tuned_classifier
-    from skinmap.recognition.evaluate import score
-    from skinmap.recognition.few_shot import is_few, score_in_turn
+    from skinmap.recognition.evaluate import is_few, score, score_in_turn
     from skinmap.recognition.model_file import SUFFIX, save_classifier
+    from skinmap.recognition.training import tuned_classifier
 
     if output.suffix.lower() not in ("", SUFFIX):  # by which `classify` knows a model
         raise UnknownNameError("format of models for files ending in", output.suffix, [SUFFIX])
@@ -269,7 +269,8 @@ def work(
         places = [one.skin.positions for one in found.skins.values()]
         knobs["radius_mm"] = 1e3 * auto_radius(places, near=usual_radius(places))
     rng = np.random.default_rng(seed)
-    train, same, other = _split(found, parts, rng)
+    split = _split(found, parts, rng)
+    train, same, other = [*split.train], [*split.same_parts], split.other_parts
     few = is_few(train, same)
     if few:
         train, same = train + same, []
@@ -309,7 +310,7 @@ def work(
     )
 
 
-def _split(found: Collection, parts: Sequence[str], rng: Generator) -> tuple[Touches, ...]:
+def _split(found: Collection, parts: Sequence[str], rng: Generator) -> Split:
     """Touches to train on, others of the same parts, and those of other parts; of each skin apart.
 
     Raises
@@ -319,13 +320,11 @@ def _split(found: Collection, parts: Sequence[str], rng: Generator) -> tuple[Tou
     InvalidArrayError
         Fewer than two labels.
     """
-    from skinmap.errors import InvalidArrayError, UnknownNameError
-    from skinmap.recognition.evaluate import HELD_OUT
+    from skinmap.errors import InvalidArrayError, check_known
+    from skinmap.recognition.evaluate import split_parts
     from skinmap.recognition.protocols.recordings import check_spelling
 
-    for part in parts:
-        if part not in found.parts:
-            raise UnknownNameError("recorded part", part, found.parts)
+    check_known("recorded part", parts, found.parts)
     labels = Counter(one.touch.label for one in found.touches)
     if len(labels) < 2:
         have = ", ".join(f"{count} {label}" for label, count in labels.items())
@@ -334,18 +333,11 @@ def _split(found: Collection, parts: Sequence[str], rng: Generator) -> tuple[Tou
             f"of touch, or name these with `skinmap label`"
         )
     check_spelling(sorted(labels))
-    train: Touches = []
-    same: Touches = []
-    other: Touches = []
-    for (_, part), skin in found.skins.items():
-        touches = [one.touch for one in found.touches if one.touch.skin is skin]
-        if parts and part not in parts:
-            other += touches
-            continue
-        held = rng.permutation(len(touches)) < HELD_OUT * len(touches)
-        for touch, out in zip(touches, held, strict=True):
-            (same if out else train).append(touch)
-    return train, same, other
+    every = [
+        (part, [one.touch for one in found.touches if one.touch.skin is skin])
+        for (_, part), skin in found.skins.items()
+    ]
+    return split_parts(every, parts or found.parts, rng=rng)
 
 
 def _simulated(found: Collection, train: Touches, count: int, rng: Generator) -> Touches:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,7 +13,6 @@ from click.core import ParameterSource
 from msgspec import UNSET, UnsetType
 
 from skinmap.commands.retired import RetiredOption
-from skinmap.errors import SkinError
 
 if TYPE_CHECKING:
     from skinmap.profile import Profile
@@ -151,29 +149,11 @@ def _say_profile(ctx: click.Context) -> None:
     nothing = "nothing in it" if won else "the profile has no setting for this command"
     click.echo(f"{name}: {said or nothing}{over}", err=True)
     robots = ctx.params.get("robots") or (ctx.params.get("robot"),)
-    others = [one for one in robots if one and profile.robot and not _same(one, profile)]
+    measured_on = Path(profile.robot).resolve()
+    others = [one for one in robots if one and profile.robot and Path(one).resolve() != measured_on]
     if others:
         click.echo(
             f"Warning: the profile was measured on {profile.robot}, this is {', '.join(others)}: "
             "times and errors may differ from those predicted",
             err=True,
         )
-
-
-def _same(one: str, profile: Profile) -> bool:
-    """Whether a word names the robot of a profile: as it is, as a path, or one of the same skin."""
-    if Path(one).resolve() == Path(profile.robot).resolve():
-        return True
-    from skinmap.io.robots.manifest import load_robot
-    from skinmap.skin.skin import fingerprint
-
-    parts = [part.strip() for part in profile.part.split(",") if part.strip()]
-    try:
-        with warnings.catch_warnings(action="ignore"):  # the command warns of its own
-            mine, its = (
-                [fingerprint(robot.skin(part)) for part in parts or robot.parts]
-                for robot in map(load_robot, (one, profile.robot))
-            )
-    except (SkinError, OSError):
-        return False  # one that cannot be loaded is another one
-    return mine == its

@@ -24,16 +24,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, check_known
 from skinmap.recognition.answers import Answer, Answers, HandAnswer, HandWord
 from skinmap.recognition.descriptors import ContactGeometry, Touch
-from skinmap.recognition.rbf_machine import RbfMachine
-from skinmap.recognition.sets.prediction_sets import (
+from skinmap.recognition.prediction_sets import (
     SetCalibration,
-    left_out_by,
+    folds_of,
     set_calibration_from,
 )
-from skinmap.skin.checks import twin_parts
+from skinmap.recognition.rbf_machine import RbfMachine
 from skinmap.touch.contacts.contact_geometry import FEATURES, contact_geometry
 from skinmap.touch.contacts.contact_shape import SIZE, contact_shape
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES, MOVES
@@ -50,7 +49,6 @@ STAYS = "still"  # the motion of a touch that stays
 COVERAGE = 0.9  # of the sets
 SURE = (0.2, 0.8)  # probability of a hand below which it is none, and from which it is one
 NO_HAND = 0.05  # probability up to which a thing is named: a finger named a thing is worse
-FOLDS = 5
 LEAST = 50  # rows of a name that are learnt, where there are so many
 PARTS = ("kind", "other", "motion", "hand")  # machines, by what they tell apart
 NETWORKS = ("labels", "mean", "scale", "first", "second", "third")  # arrays of `HandNetworks`
@@ -230,11 +228,14 @@ def three_answers_from(arrays: Mapping[str, NDArray[Any]]) -> ThreeAnswers:
             raise InvalidArrayError(f"its networks for hands need {', '.join(NETWORKS)}")
         numbers = {key: np.asarray(networks[key], np.float64) for key in NETWORKS[1:]}
         found.networks = HandNetworks(networks["labels"], **numbers)
-    # Copies of a model that shipped before had two machines for hands; what ships now is better.
-    copied = any(key.startswith("grip.") for key in arrays)
+    strange = {key.partition(".")[0] for key in arrays} - {*PARTS, "networks"}
+    if strange:
+        raise InvalidArrayError(
+            f"answers of an earlier version ({', '.join(strange)}): train again"
+        )
     for name in PARTS:
         own = _below(arrays, f"{name}.")
-        if not own or (name == "hand" and copied):
+        if not own:
             continue
         machine = RbfMachine()
         machine.from_arrays(_below(own, "machine."))
@@ -302,21 +303,15 @@ def train_machine(
     """A machine for rows (m, d) of touches, and what its copies think of touches left out.
 
     At most `most_rows` are learnt, of each name no more than `even` times those of the rarest.
-    Parts are left out with their mirror images where there are three or more, else people by name,
-    else touches at random.
+    Groups are left out in turn (`folds_of`).
     """
-    skins = dict.fromkeys(touch.skin for touch in touches)
-    shape_of = twin_parts({skin.fingerprint: skin.skin for skin in skins})
-    known = tuple(touch.skin.fingerprint for touch in touches)
-    shapes = tuple(shape_of[one] for one in known)
-    people = tuple(touch.person for touch in touches)
-    fold = left_out_by(shapes, people)[1] % FOLDS
     names = np.array(labels)
     machine = _fitted(rows, names, rng, most_rows, even)
     if machine is None:
         raise InvalidArrayError(f"answers need two names or more; got {', '.join(set(labels))}")
     if not sets:
         return Machine(machine)
+    words, fold = folds_of(touches)
     shares, strange = np.zeros(len(rows)), np.zeros(len(rows))
     for number in np.unique(fold):
         test = fold == number
@@ -330,7 +325,7 @@ def train_machine(
             for k, name in enumerate(names[test].tolist())
         ]
         strange[test] = copy.strangeness(rows[test])
-    return Machine(machine, SetCalibration(shares, strange, known, shapes, people))
+    return Machine(machine, SetCalibration(shares, strange, *words))
 
 
 def _fitted(
@@ -396,9 +391,7 @@ def check_groups(groups: Mapping[str, Sequence[str]], labels: Sequence[str]) -> 
     """
     if set(groups) != set(GROUPS):
         raise InvalidArrayError(f"the groups are hand and other, got {', '.join(groups) or 'none'}")
-    for name in (one for own in groups.values() for one in own):
-        if name not in labels:
-            raise UnknownNameError("recorded label", name, labels)
+    check_known("recorded label", (one for own in groups.values() for one in own), labels)
     both = [name for name in groups["hand"] if name in groups["other"]]
     if both:
         raise InvalidArrayError(
@@ -417,9 +410,7 @@ def check_motions(motions: Sequence[str], labels: Sequence[str]) -> tuple[str, .
     UnknownNameError
         One that is not among the labels.
     """
-    for name in motions:
-        if name not in labels:
-            raise UnknownNameError("recorded label", name, labels)
+    check_known("recorded label", motions, labels)
     return tuple(name for name in labels if name in (*motions, *TIME))
 
 

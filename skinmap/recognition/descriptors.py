@@ -287,7 +287,6 @@ class Histograms:
     def from_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Take what `to_arrays` gave."""
         self.codebook = codebook_from_arrays(arrays)
-        if "hoods" in arrays:  # models of before could not be told
-            radius, geodesic = map(float, arrays["hoods"])
-            self.radius = radius if np.isfinite(radius) and radius > 0 else None
-            self.distance = "geodesic" if geodesic else "euclidean"
+        radius, geodesic = map(float, arrays["hoods"])
+        self.radius = radius if np.isfinite(radius) and radius > 0 else None
+        self.distance = "geodesic" if geodesic else "euclidean"

@@ -1,16 +1,27 @@
-"""How well classifiers do: on other touches of the same parts, and on parts never trained on."""
+"""How well classifiers do: on other touches of the same parts, and on parts never trained on.
+
+Few touches of a label: the model learns from all of them, and each is tested by another.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import compress
 
 import numpy as np
 
-from skinmap.errors import UnknownNameError
-from skinmap.recognition.classifier import NO_CONTACT, Prediction, TouchClassifier
+from skinmap.errors import InvalidArrayError, check_known
+from skinmap.recognition.classifier import (
+    CALIBRATION_FOLDS,
+    NO_CONTACT,
+    Classifier,
+    Prediction,
+    TouchClassifier,
+)
 from skinmap.recognition.descriptors import Touch, recorded_touches
+from skinmap.recognition.prediction_sets import LEARNT
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
 
@@ -43,7 +54,7 @@ class Score:
     counts: Mapping[str, int] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Split:
     """Touches to train on, other touches of the same parts, and touches of other parts."""
 
@@ -66,23 +77,27 @@ def split_touches(
     UnknownNameError
         A part to train on that no recording is of.
     """
-    recorded = [recording.part for recording in recordings]
-    for part in train_parts:
-        if part not in recorded:
-            raise UnknownNameError("recorded part", part, recorded)
-    train: list[Touch] = []
-    same: list[Touch] = []
-    other: list[Touch] = []
-    for recording in recordings:
-        skin = skins[recording.part]
-        touches = recorded_touches(skin, recording)
-        if recording.part not in train_parts:
-            other.extend(touches)
+    check_known("recorded part", train_parts, [recording.part for recording in recordings])
+    every = [(one.part, recorded_touches(skins[one.part], one)) for one in recordings]
+    return split_parts(every, train_parts, rng=rng)
+
+
+def split_parts(
+    touches: Sequence[tuple[str, Sequence[Touch]]],
+    train_parts: Sequence[str],
+    *,
+    rng: np.random.Generator,
+) -> Split:
+    """Divide the touches of parts that were recorded, of each recording or skin apart."""
+    found = Split((), (), ())
+    for part, own in touches:
+        if part not in train_parts:
+            found.other_parts += (*own,)
             continue
-        held = rng.permutation(len(touches)) < HELD_OUT * len(touches)
-        same.extend(touch for touch, out in zip(touches, held, strict=True) if out)
-        train.extend(touch for touch, out in zip(touches, held, strict=True) if not out)
-    return Split(tuple(train), tuple(same), tuple(other))
+        held = rng.permutation(len(own)) < HELD_OUT * len(own)
+        found.same_parts += tuple(compress(own, held))
+        found.train += tuple(compress(own, ~held))
+    return found
 
 
 def likeliest(classifier: TouchClassifier, touch: Touch) -> Prediction:
@@ -161,3 +176,56 @@ def score_of(named: Sequence[Prediction], touches: Sequence[Touch], least: float
         float(unsure.mean()) if len(right) else float("nan"),
         dict(Counter(labels.tolist())),
     )
+
+
+FOLDS = 5
+
+
+def is_few(train: Sequence[Touch], held: Sequence[Touch] = ()) -> bool:
+    """Whether what is held out leaves some label with too few touches to learn from.
+
+    By its share, and by the touches that chance has left.
+    """
+    left = Counter(touch.label for touch in train)
+    every = left + Counter(touch.label for touch in held)
+    share = min(every.values(), default=0) * (1.0 - HELD_OUT)
+    return share < CALIBRATION_FOLDS + 1 or min(left[one] for one in every) < CALIBRATION_FOLDS
+
+
+def score_in_turn(
+    make: Callable[[], Classifier],
+    touches: Sequence[Touch],
+    extra: Sequence[Touch] = (),
+    *,
+    rng: np.random.Generator,
+) -> Score:
+    """Every touch named by a model of the others, in five folds of equal shares of the labels.
+
+    Parameters
+    ----------
+    make : callable
+        An untrained classifier.
+    touches : sequence of Touch
+    extra : sequence of Touch
+        To learn from in every fold, and never tested.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    Score
+        NaN where some fold's training is refused.
+    """
+    from sklearn.model_selection import StratifiedKFold
+
+    labels = np.array([touch.label for touch in touches])
+    split = StratifiedKFold(FOLDS, shuffle=True, random_state=int(rng.integers(2**31)))
+    named, tested = [], []
+    try:
+        for train, test in split.split(labels, labels):
+            learnt = [touches[k] for k in train] + list(extra)
+            model = make().fit(learnt, rng=rng, least=LEARNT)
+            named += [likeliest(model, touches[k]) for k in test]
+            tested += [touches[k] for k in test]
+    except (InvalidArrayError, ValueError):
+        return score_of([], [], 0.0)
+    return score_of(named, tested, 0.0)

@@ -40,8 +40,7 @@ from skinmap.errors import (
     check_kind,
 )
 from skinmap.recognition.catalogue import classifiers
-from skinmap.recognition.sets.prediction_sets import set_calibration_from
-from skinmap.recognition.sets.rejection import doubt_from
+from skinmap.recognition.prediction_sets import doubt_from, set_calibration_from
 from skinmap.recognition.trained_skin import TrainedSkin
 
 if TYPE_CHECKING:
@@ -54,14 +53,6 @@ HEAD, SKINS, DESCRIPTOR, ESTIMATOR = "model.json", "skins.npz", "descriptor.npz"
 ARRAYS, SETS, EARLY = "estimator.npz", "sets.npz", "early.npz"
 ANSWERS = "answers.npz"  # of kind, motion and hand, as `answering` reads it, too
 FILES = (HEAD, SKINS, DESCRIPTOR, ARRAYS, ESTIMATOR, SETS, EARLY, ANSWERS)
-SCHEMA = "schema.json"  # of an estimator
-# Modules of estimators in files of before, and where they are.
-PLACES = ("histograms.intersection", "images.bag_of_words", "images.cnn", "check")
-MOVED = {
-    before: f"skinmap.recognition.{one}"
-    for one in PLACES
-    for before in (f"skinmap.classify.{one.split('.')[-1]}", f"skinmap.classifiers.{one}")
-}
 LARGEST = 2**28  # bytes in a file, unpacked, and in each archive inside it
 # Beside the types that skops trusts by itself; none of them can be told to call anything.
 KNOWN = frozenset(
@@ -235,7 +226,6 @@ def _read_estimator(data: bytes, classifier: TouchClassifier, path: Path) -> Any
 
     with zipfile.ZipFile(io.BytesIO(data)) as inner:
         _check_archive(inner, path)
-        data = _at_home(inner)
     found = get_untrusted_types(data=data)
     foreign = foreign_types(found, classifier.estimator)
     if foreign:
@@ -252,19 +242,6 @@ def _read_estimator(data: bytes, classifier: TouchClassifier, path: Path) -> Any
             path,
         )
     return estimator
-
-
-def _at_home(archive: zipfile.ZipFile) -> bytes:
-    """An estimator whose types are named by where their modules are today."""
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w") as today:
-        for name in archive.namelist():
-            data = archive.read(name)
-            if name == SCHEMA:
-                for before, now in MOVED.items():
-                    data = data.replace(f'"{before}"'.encode(), f'"{now}"'.encode())
-            today.writestr(name, data)
-    return buffer.getvalue()
 
 
 def _read_skins(entries: list[Any], data: bytes, path: Path) -> tuple[TrainedSkin, ...]:

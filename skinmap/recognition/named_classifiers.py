@@ -108,7 +108,7 @@ def bovw_classifier() -> TouchClassifier:
     from sklearn.svm import LinearSVC
 
     from skinmap.recognition.images.bag_of_words import BagOfVisualWords
-    from skinmap.recognition.images.image_descriptor import PaperImages
+    from skinmap.recognition.sample_descriptors import PaperImages
 
     # Calibrated on the histograms: the words are learnt without labels, and once is enough.
     # Roots of counts have squares that sum to the number of features, a hundred or so, hence C.
@@ -122,7 +122,7 @@ def cnn_classifier() -> TouchClassifier:
     Training needs torch, naming touches does not.
     """
     from skinmap.recognition.images.cnn import ContactImageCNN
-    from skinmap.recognition.images.image_descriptor import PaperImages
+    from skinmap.recognition.sample_descriptors import PaperImages
 
     return TouchClassifier("cnn", PaperImages(), ContactImageCNN("small"))
 

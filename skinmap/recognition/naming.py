@@ -12,8 +12,7 @@ from skinmap.arrays import BoolArray, IntArray
 from skinmap.errors import SkinMismatchError
 from skinmap.recognition.classifier import NO_CONTACT, Prediction, TouchClassifier
 from skinmap.recognition.descriptors import Touch
-from skinmap.recognition.sets.prediction_sets import OR
-from skinmap.recognition.sets.rejection import UNKNOWN
+from skinmap.recognition.prediction_sets import OR, UNKNOWN
 from skinmap.skin.robot import Robot
 from skinmap.touch.contacts.grouping import RULE, GroupingRule, group_touches
 from skinmap.touch.contacts.rest import Rest, felt, usual_rest

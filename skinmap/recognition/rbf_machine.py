@@ -12,7 +12,8 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
-from skinmap.recognition.sets.rejection import rejection_threshold
+from skinmap.recognition.histograms.intersection import pair_coefficients
+from skinmap.recognition.prediction_sets import rejection_threshold
 
 FOLDS = 5
 WIDTH = 0.9  # gamma times columns: 0.03 for the thirty numbers that it was found with
@@ -170,17 +171,8 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
         self.vectors_ = machine.support_vectors_
         self.squares_ = np.einsum("ij,ij->i", self.vectors_, self.vectors_)
         self.offsets_ = np.asarray(machine.intercept_, np.float64)
-        # libsvm keeps, for each vector of class a, its weight against every other class; spread
-        # out, one matrix product gives all one-against-one decisions.
-        ends = np.append(0, np.cumsum(machine.n_support_))
-        own = [slice(ends[k], ends[k + 1]) for k in range(len(self.classes_))]
-        self.weights_ = np.zeros((self._pairs, len(self.vectors_)))
-        dual, row = machine.dual_coef_, 0
-        for a in range(len(self.classes_)):
-            for b in range(a + 1, len(self.classes_)):
-                self.weights_[row, own[a]] = dual[b - 1, own[a]]
-                self.weights_[row, own[b]] = dual[a, own[b]]
-                row += 1
+        # One matrix product gives all one-against-one decisions.
+        self.weights_ = pair_coefficients(machine)
 
     def _decisions(self, scaled: FloatArray) -> FloatArray:
         """(m, pairs) one-against-one decisions, cut off where they say no more."""

@@ -1,6 +1,13 @@
 from skinmap.trade.front import pareto, recommend
-from skinmap.trade.measuring import Point, TradeResult, cpu_seconds, measure
-from skinmap.trade.task import Knob, Outcome, TradeTask
+from skinmap.trade.measuring import (
+    Knob,
+    Outcome,
+    Point,
+    TradeResult,
+    TradeTask,
+    cpu_seconds,
+    measure,
+)
 
 __all__ = [
     "Knob",

@@ -9,8 +9,7 @@ from typing import Any
 
 from skinmap.errors import ImpossibleBudgetError
 from skinmap.report.page import plain_figure, save_figure
-from skinmap.trade.measuring import Point, Recommended, TaskRow, TradeResult, describe
-from skinmap.trade.task import Setting
+from skinmap.trade.measuring import Point, Recommended, Setting, TaskRow, TradeResult, describe
 
 SAMPLE = 0.02  # seconds from one sample of a stream to the next at 50 Hz
 SHARE = 0.01  # of the default's error, from which a difference is worth another setting

@@ -1,6 +1,8 @@
 """Measuring a task: each setting once for each seed, in an order drawn anew, on one thread.
 
 What `skinmap trade` measures and recommends, the same in Python and in JSON.
+
+Trade tasks: what is measured, and under which knobs.
 """
 
 from __future__ import annotations
@@ -10,9 +12,10 @@ import importlib.metadata
 import logging
 import platform
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeVar
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 import numpy as np
 
@@ -20,10 +23,91 @@ from skinmap import __version__
 from skinmap.errors import SkinError
 from skinmap.profile import Value
 from skinmap.report.result import MERGED
-from skinmap.trade.task import Knob, Outcome, Setting, TradeTask
 
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
+
+# Knob: value. A knob that a setting does not name stands at its default, or does not matter there.
+Setting = Mapping[str, Value]
+
+
+@dataclass(frozen=True, slots=True)
+class Knob:
+    """A knob that is turned.
+
+    Attributes
+    ----------
+    name
+        Name of the command's option, with underscores.
+    meaning
+        Effect of the option, in one line.
+    values
+        Values that were measured.
+    default
+        Default of the commands.
+    """
+
+    name: str
+    values: tuple[Value, ...]
+    default: Value
+    meaning: str
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What one run of a setting cost, and how wrong it was.
+
+    Attributes
+    ----------
+    seconds : float
+        CPU time of one unit of the task's work, warm.
+    error : float
+        In the task's unit; 0 is perfect.
+    beside : mapping of str to float
+        Other figures worth showing, such as `training_seconds`.
+    """
+
+    seconds: float
+    error: float
+    beside: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+
+
+class TradeTask(Protocol):
+    """Promises of a task.
+
+    Attributes
+    ----------
+    name : str
+        Also the group of its knobs in a profile.
+    unit : str
+        Of the error: "%", "mm".
+    work : str
+        What the seconds pay for: "one flat map of the part".
+    truth : str
+        What the errors are against.
+    knobs : tuple of Knob
+    """
+
+    name: str
+    unit: str
+    work: str
+    truth: str
+    knobs: tuple[Knob, ...]
+
+    def settings(self) -> Sequence[Setting]:
+        """Which combinations are measured; see `around` and `product`."""
+
+    def prepare(self, robot: Robot, parts: tuple[str, ...], *, seed: int) -> Any:
+        """What all settings share, untimed; another seed is another repetition."""
+
+    def run(self, prepared: Any, setting: Setting, *, seed: int) -> Outcome:
+        """Measure one setting once; `skinmap.trade.measuring.cpu_seconds` takes the time."""
+
+
+def defaults(knobs: Sequence[Knob]) -> dict[str, Value]:
+    """Every knob at its default."""
+    return {knob.name: knob.default for knob in knobs}
+
 
 LIBRARIES = ("numpy", "scipy", "libigl", "scikit-learn", "numba")
 
@@ -289,7 +373,7 @@ def measure(
     --------
     >>> import skinmap
     >>> from skinmap.trade import measure
-    >>> from skinmap.trade.flatten_task import flatten_task
+    >>> from skinmap.trade.tasks import flatten_task
     >>> robot = skinmap.load_robot("kaspar")
     >>> points, unmeasured = measure(flatten_task, robot, ("right_hand",), seeds=[0])
     >>> len(points) > 5, points[0].unit

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skinmap.recognition.images.convolution import Network
+from skinmap.recognition.images.cnn import Network
 
 NETWORK = Path(__file__).parents[1] / "golden" / "contact_cnn.npz"
 

@@ -201,18 +201,6 @@ def test_a_hand_is_the_mean_of_networks_that_name_hands_and_things(told):
     assert found.hand.probability == pytest.approx(np.mean(each), abs=1e-9)
 
 
-def test_copies_of_a_model_that_shipped_before_take_the_networks_of_this_one(told):
-    shipped = shipped_answers()
-    arrays = {k: v for k, v in shipped.to_arrays().items() if not k.startswith("networks.")}
-    own = {k: v for k, v in arrays.items() if k.startswith("kind.")}
-    for name in ("hand", "grip"):  # two machines, of which one is asked first
-        arrays |= {k.replace("kind.", f"{name}."): v for k, v in own.items()}
-    before = three_answers_from(arrays)
-    assert set(before.machines) == {"kind", "other", "motion"}
-    whole = before.completed(shipped)
-    assert [whole.of(touch) for touch, _ in told] == [found for _, found in told]
-
-
 @pytest.mark.parametrize("wrong", ["short", "narrow", "nan", "lost", "flat"])
 def test_networks_that_do_not_fit_together_are_refused(wrong):
     arrays = dict(shipped_answers().to_arrays())

@@ -6,17 +6,15 @@ from scipy.spatial.distance import cdist
 
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.images.bag_of_words import (
+    ACTIVE,
     LEARNT_FROM,
+    SCALES,
+    STEP,
     BagOfVisualWords,
     as_images,
     count_words,
-    learn_words,
-)
-from skinmap.recognition.images.visual_features import (
-    ACTIVE,
-    SCALES,
-    STEP,
     dense_points,
+    learn_words,
     local_features,
 )
 

@@ -12,9 +12,8 @@ from skinmap.errors import InvalidArrayError, NotFittedError, SkinMismatchError,
 from skinmap.recognition.check import check_classifier, planted_touches
 from skinmap.recognition.classifier import classifiers
 from skinmap.recognition.descriptors import Histograms, Touch
-from skinmap.recognition.images.image_descriptor import PaperImages, moments
 from skinmap.recognition.named_classifiers import PENALTIES, WIDTHS
-from skinmap.recognition.sample_descriptors import RawSamples, descriptor_of
+from skinmap.recognition.sample_descriptors import PaperImages, RawSamples, descriptor_of, moments
 from skinmap.touch.contacts.skin_geometry import pressed
 
 NAMES = ("raw-rbf", "raw-intersection", "histogram-chi2", "histogram-sqrt")

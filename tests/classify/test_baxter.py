@@ -10,23 +10,24 @@ import skinmap
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, UnknownNameError
 from skinmap.recognition.classifier import classifiers
 from skinmap.recognition.descriptors import Touch
-from skinmap.recognition.images import visual_features
+from skinmap.recognition.images import bag_of_words
 from skinmap.recognition.images.cnn import ContactImageCNN
 from skinmap.recognition.model_file import load_classifier, save_classifier
-from skinmap.recognition.protocols import baxter_methods
-from skinmap.recognition.protocols.baxter import LABELS, evaluate_baxter
+from skinmap.recognition.protocols import baxter
+from skinmap.recognition.protocols.baxter import (
+    LABELS,
+    Bench,
+    default_settings,
+    evaluate_baxter,
+    mean_diagonal,
+    tune,
+)
 from skinmap.recognition.protocols.baxter_images import (
     ACTIONS,
     GESTURES,
     acted,
     simulate_images,
     split_images,
-)
-from skinmap.recognition.protocols.baxter_methods import (
-    Bench,
-    default_settings,
-    mean_diagonal,
-    tune,
 )
 from skinmap.report.result import plain
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -187,9 +188,9 @@ def test_tune_takes_the_best_of_what_it_tried(data):
 def test_the_papers_network_is_tuned_over_table_1(skin, monkeypatch):
     pytest.importorskip("torch", reason="the extra `torch` is not installed")
     # Two rates, few epochs and folds: the whole table takes hours.
-    monkeypatch.setattr(baxter_methods, "TABLE_I", {1e-3: (97.3, 98.3), 1e3: (50.0, 49.0)})
-    monkeypatch.setattr(baxter_methods, "TABLE_I_EPOCHS", (1, 2))
-    monkeypatch.setattr(baxter_methods, "FOLDS", 2)
+    monkeypatch.setattr(baxter, "TABLE_I", {1e-3: (97.3, 98.3), 1e3: (50.0, 49.0)})
+    monkeypatch.setattr(baxter, "TABLE_I_EPOCHS", (1, 2))
+    monkeypatch.setattr(baxter, "FOLDS", 2)
     few = simulate_images(skin, images=140, rng=np.random.default_rng(7))
     settings, tried = tune(
         Bench(few),
@@ -214,7 +215,7 @@ def test_a_missing_library_leaves_one_method_out(skin, monkeypatch):
     def missing(*_: object, **__: object) -> None:
         raise MissingLibraryError("bags of visual words need mahotas")
 
-    monkeypatch.setattr(visual_features, "import_optional", missing)
+    monkeypatch.setattr(bag_of_words, "import_optional", missing)
     with pytest.warns(SkinWarning, match="bovw is left out: .*mahotas"):
         found = evaluate_baxter(skin, seed=1, repeats=1, images=160, methods=("bovw",), tuned=False)
     assert plain(found.bovw) == {"missing": "bags of visual words need mahotas"}

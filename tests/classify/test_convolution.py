@@ -8,8 +8,7 @@ import pytest
 from scipy.signal import correlate
 
 from skinmap.errors import InvalidArrayError
-from skinmap.recognition.images.cnn import ContactImageCNN, shrunken
-from skinmap.recognition.images.convolution import Network, convolve, halve
+from skinmap.recognition.images.cnn import ContactImageCNN, Network, convolve, halve, shrunken
 from tests.classify.golden_network import golden_network
 
 GOLDEN = Path(__file__).parents[1] / "golden"

@@ -10,9 +10,13 @@ from sklearn.svm import SVC
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from skinmap.errors import InvalidArrayError
-from skinmap.recognition.histograms import additive
-from skinmap.recognition.histograms.additive import AdditiveFunction, intersection_function
-from skinmap.recognition.histograms.intersection import IntersectionSVC, intersection_kernel
+from skinmap.recognition.histograms import intersection
+from skinmap.recognition.histograms.intersection import (
+    AdditiveFunction,
+    IntersectionSVC,
+    intersection_function,
+    intersection_kernel,
+)
 
 
 @parametrize_with_checks([IntersectionSVC()])
@@ -76,7 +80,7 @@ def test_support_values_on_a_heap_are_found_too(rng, compiled):
     support = np.concatenate([heap, 50.0 * rng.random((20, 2)), np.full((3, 2), 100.0)])
     c, intercept = rng.normal(size=(3, len(support))), rng.normal(size=3)
     found = intersection_function(support, c, intercept)
-    assert found._most > additive.LINEAR
+    assert found._most > intersection.LINEAR
     if compiled:
         pytest.importorskip("numba", reason="the compiled loop needs numba")
         assert found.compile()
@@ -105,7 +109,7 @@ def test_bins_without_support_values_add_nothing():
 def test_without_numba_numpy_evaluates(rng, monkeypatch):
     found = intersection_function(rng.random((5, 2)), np.ones((1, 5)), np.zeros(1))
     monkeypatch.setitem(sys.modules, "numba", None)
-    additive._compiled.cache_clear()
+    intersection._compiled.cache_clear()
     assert not found.compile()
     assert found(np.ones((3, 2))).shape == (3, 1)
 

@@ -196,24 +196,6 @@ def test_a_module_that_an_estimator_names_is_not_imported(saved, tmp_path, monke
         load_classifier(saved)
 
 
-@pytest.mark.parametrize("package", ["skinmap.classify.", "skinmap.classifiers."])
-def test_files_whose_modules_had_another_name_are_read(saved, trained, touches, package):
-    with zipfile.ZipFile(saved) as archive:
-        inner = archive.read("estimator.skops")
-    buffer = io.BytesIO()
-    with zipfile.ZipFile(io.BytesIO(inner)) as new, zipfile.ZipFile(buffer, "w") as old:
-        for name in new.namelist():
-            data = new.read(name)
-            for before, now in model_file.MOVED.items():
-                if before.startswith(package):
-                    data = data.replace(now.encode(), before.encode())
-            old.writestr(name, data)
-    assert buffer.getvalue() != inner
-    rewrite(saved, estimator__skops=buffer.getvalue())
-    back, share = load_classifier(saved), trained["histogram"].probabilities(touches[0])
-    np.testing.assert_array_equal(back.probabilities(touches[0]), share)
-
-
 def test_another_estimator_than_the_classifiers_is_refused(saved, trained):
     rewrite(saved, estimator__skops=dumps(IntersectionSVC()))
     with pytest.raises(DataFormatError, match=r"its estimator is a IntersectionSVC, 'histogram'"):

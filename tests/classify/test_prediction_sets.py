@@ -5,24 +5,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from skinmap.errors import InvalidArrayError, NotFittedError, SkinWarning
+from skinmap.errors import InvalidArrayError, NotFittedError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.recognition.classifier import NO_CONTACT, Prediction, classifiers
 from skinmap.recognition.descriptors import recorded_touches
 from skinmap.recognition.model_file import load_classifier, save_classifier
 from skinmap.recognition.named_classifiers import histogram_classifier
 from skinmap.recognition.naming import in_words
-from skinmap.recognition.sets.held_out import felt_rows, held_out
-from skinmap.recognition.sets.prediction_sets import (
+from skinmap.recognition.prediction_sets import (
     DOUBT,
     FAMILIAR,
     LEAST,
     SetCalibration,
     enough_names,
+    felt_rows,
+    held_out,
     left_out_by,
     left_out_quantile,
     quantile,
-    set_calibration_from,
 )
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.simulator import simulate
@@ -287,23 +287,6 @@ def test_a_young_touch_has_a_name_at_least(prepared):
                 found.append(len(model.predict(begun, ended=False).names))
         assert min(found) >= 1
     assert np.mean(sizes[0.1]) >= np.mean(sizes[0.3])
-
-
-def test_files_of_before_are_read_with_cautious_thresholds_and_one_warning(calibrated, tmp_path):
-    model, touches = calibrated
-    scores = np.concatenate([np.full(LEAST, 0.1), np.full(LEAST, 0.6)])
-    parts = np.repeat(["left_foot", "right_foot"], LEAST)
-    old = set_calibration_from({"scores": scores, "parts": parts, "persons": np.zeros(40, int)})
-    # The tight threshold of the part of that name is not taken: it is known by no layout.
-    for skin in ("", touches[0].skin.fingerprint):
-        assert old.threshold(0.9, skin) == pytest.approx(-USUAL * np.log(0.4))
-    sets = model.sets
-    try:
-        model.sets = old
-        with pytest.warns(SkinWarning, match="made before its sets of names knew a skin"):
-            model.promise(0.9)
-    finally:
-        model.sets, model.coverage = sets, None
 
 
 def test_promises_that_cannot_be_kept_are_refused(calibrated):

@@ -7,8 +7,8 @@ from sklearn.svm import SVC
 from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from skinmap.errors import InvalidArrayError
+from skinmap.recognition.prediction_sets import AGES, doubt_from, early_doubt, rejection_threshold
 from skinmap.recognition.rbf_machine import MARGIN, RbfMachine
-from skinmap.recognition.sets.rejection import AGES, doubt_from, early_doubt, rejection_threshold
 
 
 @pytest.fixture(scope="module")

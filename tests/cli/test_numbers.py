@@ -16,7 +16,7 @@ from skinmap.commands.retired import RetiredOption
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import ISOMETRY
 from skinmap.profile import KNOBS
-from skinmap.recognition.classifier_options import MAX_WORDS, ROTATIONS
+from skinmap.recognition.training import MAX_WORDS, ROTATIONS
 from skinmap.touch.simulation.sensing import Sensing
 from tests.cli.test_options import commands
 

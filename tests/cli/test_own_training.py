@@ -248,7 +248,7 @@ def test_what_chance_holds_out_leaves_enough_of_each_label(seed):
     """Nine touches of a label: a third held out at random may leave four."""
     from types import SimpleNamespace
 
-    from skinmap.recognition.few_shot import CALIBRATION_FOLDS, is_few
+    from skinmap.recognition.evaluate import CALIBRATION_FOLDS, is_few
 
     rng = np.random.default_rng(seed)
     touches = [SimpleNamespace(label=label) for label in "ab" for _ in range(9)]

@@ -176,30 +176,6 @@ def test_a_profile_of_another_robot_is_taken_with_a_warning(command, tmp_path):
     ]
 
 
-def test_the_same_robot_in_another_folder_is_the_same(tmp_path):
-    from skinmap.commands.profiles import _same
-    from skinmap.profile import read_profile
-
-    for name, pitch in (("a", 5e-3), ("b", 5e-3), ("c", 6e-3)):
-        (tmp_path / name).mkdir()
-        rows = [
-            f"{k},{k // 4},{k % 4 * pitch},{k // 4 * pitch},0,0,0,1" for k in range(16)
-        ]  # fmt: skip
-        text = "\n".join(["channel,module,x,y,z,nx,ny,nz", *rows]) + "\n"
-        (tmp_path / name / "t.csv").write_text(text)
-        (tmp_path / name / "r.urdf").write_text("<robot name='r'><link name='l'/></robot>")
-        (tmp_path / name / "r.toml").write_text(
-            '[robot]\nname = "r"\nurdf = "r.urdf"\n[[part]]\nname = "p"\nlink = "l"\n'
-            'taxels = "t.csv"\n'
-        )
-    path = tmp_path / "p.toml"
-    head = HEAD.replace("icub", str(tmp_path / "a" / "r.toml")).replace("left_foot", "p")
-    path.write_text(head + '[flatten]\nmethod = "fast"\n')
-    profile = read_profile(path)
-    found = [_same(str(tmp_path / name / "r.toml"), profile) for name in ("a", "b", "c")]
-    assert found == [True, True, False]
-
-
 def test_the_command_line_wins_over_the_profile(tmp_path):
     path = tmp_path / "p.toml"
     path.write_text(HEAD + '[flatten]\nmethod = "tutte"\nmeshing = "fast"\n')

@@ -34,7 +34,7 @@ FEW = 25  # examples of each target in the suite; `make fuzz` takes 5,000
 NO_READERS = {
     "skinmap.live.network.lsl_settings.load_lsl": "loads a library",
     "skinmap.live.response.pressures.load_responses": "load_response, by entry point",
-    "skinmap.recognition.classifier_options.read_size": "a word of a profile, tested there",
+    "skinmap.recognition.training.read_size": "a word of a profile, tested there",
     "skinmap.commands.options.read_radius": "words of a command line, tested with it",
     "skinmap.live.response.loads.load_calibrations": "LoadCalibration.read, by part",
     "skinmap.recognition.answering.read_groups": "words of a command line, tested with it",

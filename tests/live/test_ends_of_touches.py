@@ -9,7 +9,7 @@ import skinmap
 from skinmap.live.loop import TouchLoop
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import SourceEnded, StreamInfo
-from skinmap.recognition.given_name import GivenName
+from skinmap.recognition.classifier import GivenName
 
 
 @pytest.mark.parametrize("noise", [8.0, 10.0, 14.0])

@@ -12,8 +12,7 @@ from skinmap.live.namer import Namer
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import StreamInfo
-from skinmap.recognition.classifier import Prediction
-from skinmap.recognition.given_name import GivenName
+from skinmap.recognition.classifier import GivenName, Prediction
 from skinmap.recognition.named_classifiers import default_model
 from skinmap.recognition.naming import Named
 from skinmap.touch.prepared_skin import PreparedSkin

@@ -10,7 +10,7 @@ from skinmap.live.loop import TouchLoop
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.simulated_source import SimulatedSource
 from skinmap.live.sources.source import StreamInfo
-from skinmap.recognition.given_name import GivenName
+from skinmap.recognition.classifier import GivenName
 from skinmap.touch.simulation.sensing import Sensing
 
 PART, RATE = "left_hand", 50.0

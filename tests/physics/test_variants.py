@@ -14,9 +14,8 @@ JUDGE = "176b3a0c3d57240dbf3331e97c74a1a5df55874558f1c7488327770e06fc201f"
 # May name the frozen variant: where it is defined, judged with, and shown.
 JUDGES = {
     "skinmap/physics/variants.py",
-    "skinmap/cli/evaluate/protocol_physics.py",  # says in the result which one it is
+    "skinmap/cli/evaluate/protocol_simulated.py",  # says which one it is, or tests on it
     "skinmap/cli/evaluate/protocol_force.py",  # judges forces, whose constants are of TUNING
-    "skinmap/cli/evaluate/protocol_time.py",  # trained on our touches alone, tested on it
     "benchmarks/classify/default_model.py",  # judges the shipped model
     "scripts/figures.py",  # shows what was measured on it
 }

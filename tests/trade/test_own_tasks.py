@@ -9,10 +9,8 @@ import skinmap
 from skinmap.cli.trade import every_task
 from skinmap.flat.flat_map import flatten
 from skinmap.surface.surface_mesh import build_surface
-from skinmap.trade import classify_task as classifying
-from skinmap.trade import flatten_task as flattening
-from skinmap.trade.classify_task import classify_task
-from skinmap.trade.flatten_task import edge_rms, flatten_task
+from skinmap.trade import tasks
+from skinmap.trade.tasks import classify_task, edge_rms, flatten_task
 
 
 @pytest.fixture(scope="module")
@@ -53,8 +51,7 @@ def test_flattening_measures_the_edges_of_the_map(kaspar):
 @pytest.fixture
 def untimed(monkeypatch):
     """Work is called once, and not to measure it."""
-    for task in (classifying, flattening):
-        monkeypatch.setattr(task, "cpu_seconds", lambda work: (1e-6, work()))
+    monkeypatch.setattr(tasks, "cpu_seconds", lambda work: (1e-6, work()))
 
 
 @pytest.mark.usefixtures("untimed")
@@ -67,8 +64,8 @@ def test_every_setting_of_flattening_runs(kaspar):
 
 @pytest.mark.usefixtures("untimed")
 def test_classifying_is_the_same_for_the_same_seed_and_not_for_another(kaspar, monkeypatch):
-    monkeypatch.setattr(classifying, "LEARNT", 6)
-    monkeypatch.setattr(classifying, "TESTED", 4)
+    monkeypatch.setattr(tasks, "LEARNT", 6)
+    monkeypatch.setattr(tasks, "TESTED", 4)
     setting = {"classifier": "histogram", "words": 4}
     drawn = [classify_task.prepare(kaspar, ("right_hand",), seed=seed) for seed in (1, 1, 2)]
     runs = [
@@ -84,8 +81,8 @@ def test_classifying_is_the_same_for_the_same_seed_and_not_for_another(kaspar, m
 
 
 def test_of_several_parts_one_is_never_learnt_from(kaspar, monkeypatch):
-    monkeypatch.setattr(classifying, "LEARNT", 1)
-    monkeypatch.setattr(classifying, "TESTED", 1)
+    monkeypatch.setattr(tasks, "LEARNT", 1)
+    monkeypatch.setattr(tasks, "TESTED", 1)
     parts = ("right_hand", "left_hand")
     for seed in (0, 1):
         prepared = classify_task.prepare(kaspar, parts, seed=seed)

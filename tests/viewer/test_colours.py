@@ -159,7 +159,7 @@ def test_colours_of_all_names_stay_apart_for_colour_blind_eyes(kind):
 def test_touches_without_a_name_are_grey():
     from skinmap.live.contacts.named_touch import UNNAMED
     from skinmap.recognition.classifier import NO_CONTACT
-    from skinmap.recognition.sets.rejection import UNKNOWN
+    from skinmap.recognition.prediction_sets import UNKNOWN
 
     for name in (UNNAMED, UNKNOWN, NO_CONTACT):
         channels = rgb(class_colour(name))

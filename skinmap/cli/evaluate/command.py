@@ -13,7 +13,6 @@ from click.core import ParameterSource
 from skinmap.cli.evaluate.evaluation import (
     ON_DATA,
     PROTOCOLS,
-    Own,
     Settings,
     find_evaluation,
     own_settings,
@@ -178,7 +177,7 @@ def command(
     evaluation = find_evaluation(chosen)
     words = [f"{name}={options[name]}" for name in ("sampling", "network") if options[name]]
     del options["sampling"], options["network"]
-    own = own_settings(getattr(evaluation, "SETTINGS", Own), chosen, (*words, *options.pop("own")))
+    own = own_settings(evaluation.settings, chosen, (*words, *options.pop("own")))
     with spread.open(f"evaluate {chosen}") as workers:
         settings = Settings(
             recordings=files, workers=workers, own=own, pictures=out is not None, **options
@@ -190,7 +189,7 @@ def command(
         evaluation.lines,
         as_json=as_json,
         out=out,
-        write=lambda stage: _write(result, getattr(evaluation, "sweep_figure", None), stage),
+        write=lambda stage: _write(result, evaluation.draw, stage),
         page=lambda stage: lines_page(
             title,
             evaluation.lines(result),

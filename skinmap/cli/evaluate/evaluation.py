@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,13 +14,11 @@ import numpy as np
 from msgspec import Meta, Struct, ValidationError, convert
 
 from skinmap.commands.progress import progress
-from skinmap.report.table import Cell
+from skinmap.report.table import Cell, Table
 
 if TYPE_CHECKING:
-    from skinmap.io.recordings.cyskin_arrays import PressedSkin
     from skinmap.parallel.workers import Workers
-    from skinmap.recognition.protocols.left_out import Way
-    from skinmap.touch.prepared_skin import PreparedSkin
+    from skinmap.recognition.protocols.recordings import Way
 
 PROTOCOLS = (
     "kaspar",
@@ -40,6 +38,10 @@ ON_DATA = {  # protocols of files that users bring: how many, and their names
     "prints": (2, 2, "TRAIN.npz TEST.npz"),
     "load": (2, 1000, "MODEL RECORDING..."),
 }
+# Protocols that share a module.
+HOMES = dict.fromkeys(("kaspar", "baxter"), "papers")
+HOMES |= dict.fromkeys(("cross-patch", "physics", "time"), "simulated")
+HOMES |= dict.fromkeys(("fingers", "hands"), "real")
 
 Rows = list[list[Cell]]
 
@@ -99,13 +101,33 @@ class Folds(Gestures):
     folds: Annotated[int, Meta(ge=2, le=20)] = 4
 
 
-def find_evaluation(name: str) -> Any:
-    """The module of a protocol, or of `recordings`.
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """How a protocol is run and told.
 
-    It has `work`, which takes the settings and gives a result; `lines`, which makes tables of that;
-    and `SETTINGS` where there is something to set.
+    Attributes
+    ----------
+    work
+        Takes the settings and gives a result.
+    lines
+        Makes tables of that.
+    settings
+        What `--set` sets.
+    draw
+        Draws a picture of the result into a file, where there is one.
     """
-    return importlib.import_module(f"skinmap.cli.evaluate.protocol_{name.replace('-', '_')}")
+
+    work: Callable[[Settings], Any]
+    lines: Callable[[Any], Iterator[str | Table]]
+    settings: type[Own] = Own
+    draw: Callable[[Any, Path], None] | None = None
+
+
+def find_evaluation(name: str) -> Evaluation:
+    """That of a protocol, or of `recordings`."""
+    module = f"skinmap.cli.evaluate.protocol_{HOMES.get(name, name)}"
+    found: Evaluation = importlib.import_module(module).EVALUATIONS[name]
+    return found
 
 
 def own_settings(kind: type[Own], protocol: str, words: Sequence[str]) -> Own:
@@ -142,26 +164,3 @@ def write_predictions(path: Path, arrays: Mapping[str, Any]) -> None:
 
     with staged_file(path) as stage, stage.open("wb") as file:
         np.savez_compressed(file, **arrays)
-
-
-def pressed_skin(
-    settings: Settings, archive: str, folder: str
-) -> tuple[PressedSkin, PreparedSkin, dict[str, Any]]:
-    """A recorded real skin, prepared, and what a result says of it.
-
-    Raises
-    ------
-    SkinError
-        A folder without the files, or files that are damaged or of another skin.
-    """
-    from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
-    from skinmap.touch.prepared_skin import PreparedSkin
-
-    arrays, patch = find_pressed(settings.recordings[0], archive, folder)
-    data = read_pressed(arrays, patch)
-    skin = PreparedSkin(data.skin)
-    facts = {
-        "robot": data.skin.part, "taxels": len(skin), "archive": str(arrays), "patch": str(patch),
-        "unplaced": data.unplaced, "unrecorded": data.unrecorded,
-    }  # fmt: skip
-    return data, skin, facts

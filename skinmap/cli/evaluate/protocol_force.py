@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.cli.evaluate.evaluation import Settings
+from skinmap.cli.evaluate.evaluation import Evaluation, Settings
 from skinmap.commands.options import open_robot
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.protocols.results import ForceResult, ForceRow
@@ -229,3 +229,6 @@ def lines(result: ForceResult) -> Iterator[str | Table]:
     )
     yield "each touch is judged at its heaviest moment within the calibrated range"
     yield "plain areas: the control, median error of pressures times the areas of active taxels"
+
+
+EVALUATIONS = {"force": Evaluation(work, lines)}

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, write_predictions
+from skinmap.cli.evaluate.evaluation import Evaluation, Own, Rows, Settings, write_predictions
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.protocols.results import LoadRow, LoadsResult
@@ -27,9 +27,6 @@ class ZeroSetting(Own):
     """Where the zero of a recording comes from."""
 
     zero: Zero = "auto"
-
-
-SETTINGS = ZeroSetting
 
 
 def work(settings: Settings) -> LoadsResult:
@@ -148,3 +145,6 @@ def lines(result: LoadsResult) -> Iterator[str | Table]:
     ]  # fmt: skip
     heads = ["recording", "error [bar]", "inside 90 % [%]", "width [bar]", "refused [%]"]
     yield Table([*heads, "taxels that answer", "zero"], rows)
+
+
+EVALUATIONS = {"load": Evaluation(work, lines, ZeroSetting)}

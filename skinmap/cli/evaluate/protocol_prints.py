@@ -11,7 +11,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.cli.evaluate.evaluation import Own, Rows, Settings, write_predictions
+from skinmap.cli.evaluate.evaluation import Evaluation, Own, Rows, Settings, write_predictions
 from skinmap.commands.progress import progress
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, SkinError
 from skinmap.recognition.protocols.results import PrintsResult
@@ -28,9 +28,6 @@ class Pitch(Own):
     """Distance of neighbouring readings; that of a screen of 345 mm with 72 columns by default."""
 
     pitch_mm: Annotated[float, Meta(gt=0.0, le=100.0)] = 345.0 / 72.0
-
-
-SETTINGS = Pitch
 
 
 class Grid:
@@ -199,3 +196,6 @@ def lines(result: PrintsResult) -> Iterator[str | Table]:
         ["upper end through lower end, median", f"{result.high_to_low:.2f}"],
     ]
     yield Table(["prints", ""], rows)
+
+
+EVALUATIONS = {"prints": Evaluation(work, lines, Pitch)}

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import Folds, Rows, Settings, chosen_gestures
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.cli.evaluate.evaluation import Evaluation, Folds, Rows, Settings, chosen_gestures
+from skinmap.errors import InvalidArrayError, check_known
 from skinmap.recognition.protocols.results import LeftOutRow, RecordingsResult
 from skinmap.report.result import given
 from skinmap.report.table import Table
@@ -86,9 +86,7 @@ def judged_touches(collection: Collection, only: Sequence[str]) -> list[Collecte
             "`skinmap label`"
         )
     check_spelling(known)
-    for name in only:
-        if name not in known:
-            raise UnknownNameError("recorded gesture", name, known)
+    check_known("recorded gesture", only, known)
     return [one for one in found if not only or one.touch.label in only]
 
 
@@ -97,7 +95,7 @@ def judge_groups(
 ) -> list[LeftOutRow]:
     """A row for touches dealt out and for each kind of group left out, of each classifier."""
     from skinmap.recognition.protocols.folds import run_repeats
-    from skinmap.recognition.protocols.left_out import NAIVE, Judged, places_of, run_left_out
+    from skinmap.recognition.protocols.recordings import NAIVE, Judged, places_of, run_left_out
 
     touches = tuple(one.touch for one in chosen)
     groups = {
@@ -159,4 +157,4 @@ def _left_out(result: RecordingsResult) -> Iterator[str | Table]:
         yield f"warning: {warning}"
 
 
-SETTINGS = Folds
+EVALUATIONS = {"recordings": Evaluation(work, lines, Folds)}

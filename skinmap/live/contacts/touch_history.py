@@ -14,7 +14,7 @@ from skinmap.live.contacts.followed_contact import Track
 from skinmap.live.contacts.named_touch import UNNAMED, NamedTouch, TouchEvent
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.recognition.classifier import NO_CONTACT, Prediction
-from skinmap.recognition.sets.rejection import UNKNOWN
+from skinmap.recognition.prediction_sets import UNKNOWN
 from skinmap.touch.contacts.skin_geometry import POOL_SHARE
 
 EVENTS = 1000  # touches that are over and wait to be taken at most

@@ -5,8 +5,8 @@ from skinmap.recognition.protocols.cross_patch import score_patches as score_pat
 from skinmap.recognition.protocols.cross_patch import touch_patches as touch_patches
 from skinmap.recognition.protocols.folds import make_folds as make_folds
 from skinmap.recognition.protocols.kaspar import evaluate_kaspar as evaluate_kaspar
-from skinmap.recognition.protocols.left_out import group_folds as group_folds
 from skinmap.recognition.protocols.recordings import evaluate_recordings as evaluate_recordings
+from skinmap.recognition.protocols.recordings import group_folds as group_folds
 
 __all__ = [
     "cut_patches",

@@ -16,8 +16,8 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
-from skinmap.recognition.images.image_descriptor import moments
 from skinmap.recognition.protocols.folds import FoldKind, Names
+from skinmap.recognition.sample_descriptors import moments
 from skinmap.skin.skin import Skin
 from skinmap.touch.images.paper_image import SIZE, paper_images, resize
 from skinmap.touch.prepared_skin import PreparedSkin

@@ -5,8 +5,13 @@ import pytest
 
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.protocols import kaspar
-from skinmap.recognition.protocols.carry_over import evaluate_carry_over
-from skinmap.recognition.protocols.kaspar import PAPER, SAMPLES, paper_rows, sweep_radius_and_words
+from skinmap.recognition.protocols.kaspar import (
+    PAPER,
+    SAMPLES,
+    evaluate_carry_over,
+    paper_rows,
+    sweep_radius_and_words,
+)
 from skinmap.recognition.protocols.samples import (
     LITERAL,
     ROTATED,

@@ -9,8 +9,7 @@ import pytest
 
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.descriptors import Touch, recorded_touches
-from skinmap.recognition.protocols.left_out import MAX_GROUPS, _at, group_folds
-from skinmap.recognition.protocols.recordings import _split_samples
+from skinmap.recognition.protocols.recordings import MAX_GROUPS, _at, _split_samples, group_folds
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES, motion_features
 from skinmap.touch.simulation.simulator import simulate
 

@@ -15,19 +15,28 @@ skin, by a hand or in a physics that is elsewhere, names are believed less and s
 
 The promise is about the whole set: where even the likeliest name is too surprising the set is
 empty, and that is `unknown`. A touch that goes on has one name at least.
+
+A touch is also called `unknown` below a confidence that is chosen on held-out touches, and names of
+a touch that is young are doubted.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError
+from skinmap.skin.checks import twin_parts
+from skinmap.touch.contacts.skin_geometry import ACTIVE
+
+if TYPE_CHECKING:
+    from skinmap.recognition.classifier import Classifier
+    from skinmap.recognition.descriptors import Touch
 
 FOLDS = 5  # groups of parts, people or touches that are left out one after the other
 LEAST = 20  # scores of a skin or person that its own quantile is taken from
@@ -57,7 +66,7 @@ class SetCalibration:
     strange : (m,) float
         Distance from what that classifier learnt; all 0 where that is not measured.
     skins : tuple of str
-        Fingerprint of the skin of each; empty words in files of before, which kept the part's name.
+        Fingerprint of the skin of each.
     shapes : tuple of str
         The same word for skins of one shape, reflected or not.
     people : tuple of str
@@ -107,9 +116,6 @@ class SetCalibration:
 
     def _threshold(self, coverage: float, skin: str, person: str) -> float:
         scores = self.surprise(self.shares, self.strange)
-        if not any(self.skins):  # mirror images were not left out together: as the worst part needs
-            parts = np.array(self.shapes)
-            return max(quantile(scores[parts == one], coverage) for one in np.unique(parts))
         by, groups = left_out_by(self.shapes, self.people)
         if by != "parts" and skin not in self.skins:
             return float("inf")  # nothing was left out that could show it
@@ -138,11 +144,7 @@ class SetCalibration:
 
 
 def set_calibration_from(arrays: Mapping[str, NDArray[Any]]) -> SetCalibration:
-    """What `to_arrays` gave, or files of before, that name parts and know no layout."""
-    if "parts" in arrays:
-        shares, nobody = 1.0 - arrays["scores"], ("",) * len(arrays["scores"])
-        parts = tuple(map(str, arrays["parts"]))
-        return SetCalibration(shares, np.zeros(len(shares)), nobody, parts, nobody)
+    """What `to_arrays` gave."""
     skins, shapes, people = (tuple(map(str, arrays[name])) for name in WORDS)
     return SetCalibration(arrays["shares"], arrays["strange"], skins, shapes, people)
 
@@ -154,6 +156,20 @@ def left_out_by(shapes: Sequence[str], people: Sequence[str]) -> tuple[str, IntA
         if groups.max(initial=0) + 1 >= GROUPS:
             return by, groups
     return "touches", np.arange(len(shapes))
+
+
+def folds_of(
+    touches: Sequence[Touch],
+) -> tuple[tuple[tuple[str, ...], tuple[str, ...], tuple[str, ...]], IntArray]:
+    """Skins, shapes and people of m touches, and (m,) the fold that each is left out with.
+
+    Parts are left out with their mirror images where there are three or more, else people by name,
+    else touches at random.
+    """
+    shape_of = twin_parts({touch.skin.fingerprint: touch.skin.skin for touch in touches})
+    known = tuple(touch.skin.fingerprint for touch in touches)
+    shapes, people = tuple(shape_of[one] for one in known), tuple(one.person for one in touches)
+    return (known, shapes, people), left_out_by(shapes, people)[1] % FOLDS
 
 
 def quantile(scores: FloatArray, coverage: float) -> float:
@@ -216,3 +232,155 @@ def enough_names(share: FloatArray, labels: Sequence[str], coverage: float) -> t
     order = np.argsort(-share, kind="stable")
     count = int(np.searchsorted(np.cumsum(share[order]), coverage * (1.0 - 1e-12))) + 1
     return tuple(labels[k] for k in order[:count])
+
+
+YOUNG = 600  # touches at most whose beginnings are looked at
+LEARNT = 2  # touches of a label that a copy may learn from
+
+
+def held_out(
+    copy: Callable[[], Classifier], touches: Sequence[Touch], *, rng: np.random.Generator
+) -> tuple[SetCalibration, list[list[float]]]:
+    """How improbable copies of a classifier find the true names of touches they never saw.
+
+    Groups are left out in turn (`folds_of`). Each copy learns all anew, its descriptor too.
+
+    Parameters
+    ----------
+    copy : callable
+        Gives an untrained classifier.
+    touches : sequence of Touch
+        Labelled.
+    rng : numpy.random.Generator
+
+    Returns
+    -------
+    SetCalibration
+        Of all touches.
+    list of list of float
+        For each of `AGES` the probabilities of the true names of touches that went on so long.
+    """
+    words, fold = folds_of(touches)
+    young = rng.permutation(len(touches)) < YOUNG
+    shares, strange = np.zeros(len(touches)), np.zeros(len(touches))
+    early: list[list[float]] = [[] for _ in AGES]
+    for number in np.unique(fold):
+        model = copy()
+        try:
+            learnt = [one for one, own in zip(touches, fold, strict=True) if own != number]
+            model.fit(learnt, rng=rng, least=LEARNT)
+        except ValueError:
+            continue  # nothing to learn from: their names stay impossible
+        for k in np.flatnonzero(fold == number).tolist():
+            shares[k] = _of_the_truth(model, touches[k], touches[k].label)
+            strange[k] = model.strangeness(touches[k])
+            if young[k]:
+                for age, begun in _beginnings(touches[k]):
+                    early[age].append(_of_the_truth(model, begun, touches[k].label))
+    return SetCalibration(shares, strange, *words), early
+
+
+def felt_rows(touch: Touch) -> IntArray:
+    """Which of a touch's samples anything is felt in."""
+    return np.flatnonzero((touch.samples > ACTIVE).any(axis=1))
+
+
+def _of_the_truth(model: Classifier, touch: Touch, label: str) -> float:
+    """The probability of a name; 0 of one that was not learnt, or where nothing is felt."""
+    share = model.probabilities(touch)
+    known = share is not None and label in model.labels
+    return float(share[model.labels.index(label)]) if known and share is not None else 0.0
+
+
+def _beginnings(touch: Touch) -> Iterator[tuple[int, Touch]]:
+    """The touch as it was at each of `AGES` (by number) while it went on."""
+    felt = felt_rows(touch)
+    for number, age in enumerate(AGES):
+        end = felt[0] + max(1, round(age * touch.rate)) if len(felt) else 0
+        if len(felt) == 0 or end > felt[-1]:
+            return  # over by then
+        yield number, replace(touch, samples=touch.samples[:end])
+
+
+UNKNOWN = "unknown"
+# Ages at which touches are looked at that go on [s], and how many are needed to say anything.
+AGES = (0.02, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.7, 1.0, 1.5)
+ENOUGH = 20
+LOST = 0.02  # share of the rightly named held-out touches that may be rejected at most
+
+
+def rejection_threshold(confidence: ArrayLike, right: ArrayLike, *, lost: float = LOST) -> float:
+    """The confidence below which held-out touches are named wrong more often than right.
+
+    Parameters
+    ----------
+    confidence : (m,) array-like of float
+        Of held-out touches, 0 to 1.
+    right : (m,) array-like of bool
+        Whether each was named right.
+    lost : float
+        The threshold rejects at most this share of those named right.
+
+    Returns
+    -------
+    float
+        0 where nothing is gained by rejecting.
+    """
+    sure = np.asarray(confidence, np.float64)
+    good = np.asarray(right, bool)
+    order = np.argsort(sure, kind="stable")
+    # Rejecting the k least sure gains their wrong names and loses their right ones.
+    gain = np.concatenate([[0], np.cumsum(np.where(good[order], -1, 1))])
+    rejected = np.concatenate([[0], np.cumsum(good[order])])
+    gain[rejected > lost * good.sum()] = -1
+    best = int(np.argmax(gain))
+    if best == 0:
+        return 0.0
+    upper = sure[order[best]] if best < len(order) else sure[order[-1]]
+    return float(0.5 * (sure[order[best - 1]] + upper))
+
+
+def early_doubt(own: Sequence[Sequence[float]], names: int) -> FloatArray:
+    """How far names are to be doubted while a touch goes on, at each of `AGES`.
+
+    Names are learnt from whole touches, and of the beginning of one they are too sure. With a
+    doubt of d the probabilities are (1 - d) p + d / c of c names: the d under which the true names
+    are the most likely. It never grows with age, and is 0 at the last age. Where no touches say how
+    sure to be, any of the names is as likely as another: 1 - 1 / c.
+
+    Parameters
+    ----------
+    own : sequence over `AGES` of sequence of float
+        Probabilities that the true names of held-out touches of this age were given.
+    names : int
+        c.
+
+    Returns
+    -------
+    (len(AGES),) float
+        0 to 1.
+    """
+    grid = np.linspace(0.0, 0.99, 100)
+    found = np.full(len(AGES), 1.0 - 1.0 / names)
+    for number, shares in enumerate(own):
+        if len(shares) >= ENOUGH:
+            told = (1.0 - grid) * np.array(shares)[:, None] + grid / names
+            found[number] = grid[int(np.argmax(np.log(np.maximum(told, 1e-300)).sum(axis=0)))]
+        elif number:
+            found[number] = found[number - 1]
+    found[-1] = 0.0
+    return np.asarray(np.minimum.accumulate(found))
+
+
+def doubt_from(array: ArrayLike) -> FloatArray:
+    """The doubt that a model file keeps.
+
+    Raises
+    ------
+    InvalidArrayError
+        Not a share of 0 to 1 for each age.
+    """
+    doubt = check_finite(array, "doubt", (len(AGES),))
+    if (doubt < 0.0).any() or (doubt >= 1.0).any():
+        raise InvalidArrayError("a doubt is a share from 0 to 1")
+    return doubt

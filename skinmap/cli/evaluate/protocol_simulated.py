@@ -1,0 +1,251 @@
+"""`skinmap evaluate --protocol cross-patch`: trained on other patches, or on another robot.
+
+`skinmap evaluate --protocol physics`: trained in one physics, tested in another.
+
+`skinmap evaluate --protocol time`: names, directions, speeds and counts of touches in time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
+from typing import TYPE_CHECKING, Any
+
+import click
+import numpy as np
+
+from skinmap.cli.evaluate.evaluation import Evaluation, Gestures, Rows, Settings, chosen_gestures
+from skinmap.commands.options import open_robot
+from skinmap.recognition.protocols.results import (
+    CrossPatchResult,
+    PatchesRow,
+    PhysicsResult,
+    PhysicsRow,
+    SeenRow,
+    StrokesRow,
+    TimeResult,
+)
+from skinmap.report.table import Table
+from skinmap.rows import percent
+
+if TYPE_CHECKING:
+    from skinmap.live.contacts.stroke_errors import StrokeError
+
+
+class CrossPatch(Gestures):
+    """Which other robot trains."""
+
+    train_robot: str | None = None
+
+
+def judge_cross_patch(settings: Settings) -> CrossPatchResult:
+    """Run the protocol."""
+    from skinmap.recognition.protocols.cross_patch import (
+        DEFAULTS,
+        check_carries_over,
+        cut_patches,
+        score_patches,
+        summarise,
+        touch_patches,
+    )
+
+    names, other = settings.names or DEFAULTS, settings.own.train_robot
+    check_carries_over(names)
+    gestures = chosen_gestures(settings)
+    test = cut_patches(*open_robot(settings.robot or "icub", settings.parts))
+    train = cut_patches(*open_robot(other, ())) if other else []
+    if not train and len(test) < 2:
+        raise click.UsageError(
+            f"leaving one patch out needs two patches, got {test[0].name}; "
+            "give --set train_robot=ROBOT"
+        )
+    steps = len(test) + len(train) + len(names) * (1 if train else len(test))
+    found = []
+    with settings.working(settings.seeds * steps, "cross-patch") as shared:
+        play = {"per_gesture": settings.per_gesture, "variety": settings.variety, **shared}
+        for seed in settings.all_seeds:
+            tested = touch_patches(test, seed=seed, gestures=gestures, **play)
+            trained = None
+            if train:
+                trained = touch_patches(train, seed=[seed, 1], gestures=gestures, **play)
+            found.append(score_patches(tested, trained, names=names, seed=seed, **shared))
+    return CrossPatchResult(
+        robot=settings.robot or "icub",
+        train_robot=other,
+        gestures=list(gestures),
+        per_gesture=settings.per_gesture,
+        **settings.drawn,
+        patches={patch.name: len(patch.skin) for patch in test},
+        rows=[summarise(name, [one[k] for one in found]) for k, name in enumerate(names)],
+    )
+
+
+def cross_patch_lines(result: CrossPatchResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    where = f"trained on {result.train_robot}" if result.train_robot else "leave one patch out"
+    yield (
+        f"{result.robot}, {len(result.patches)} patches, {where}, {len(result.seeds)} seeds "
+        "(simulated); accuracy in % of touches"
+    )
+    shown = "features classifier mean:% worst:% worst_patch per_class"
+    yield Table.of(PatchesRow, result.rows, shown, classes=result.gestures)
+
+
+def judge_physics(settings: Settings) -> PhysicsResult:
+    """Run the protocol."""
+    from skinmap.physics.engine import import_mujoco
+    from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
+    from skinmap.recognition.protocols import physics
+    from skinmap.recognition.protocols.cross_patch import check_carries_over
+    from skinmap.touch.prepared_skin import PreparedSkin
+
+    if len(settings.names) > 1:
+        raise click.UsageError("--protocol physics judges one classifier: name it once")
+    import_mujoco()
+    classifier = settings.names[0] if settings.names else physics.CLASSIFIER
+    check_carries_over((classifier,))
+    loaded, parts = open_robot(settings.robot or "icub", settings.parts)
+    skins = {part: PreparedSkin(loaded.skin(part)) for part in parts}
+    tested = set(physics.mirror_pairs(skins).values())
+    how = {"per_gesture": settings.per_gesture, **settings.drawn}
+    gestures = list(chosen_gestures(settings))
+    # Touches of each physics; for each part a training of each physics, and one without each.
+    worlds = 1 + len(VARIANTS)
+    touches = len(VARIANTS) * len(tested) + len(skins)
+    trainings = len(tested) * (1 + len(TUNING) + worlds)
+    with settings.working(settings.seeds * (touches + trainings), "physics") as shared:
+        rows = physics.evaluate_physics(
+            skins, gestures=gestures, classifier=classifier, **how, **shared
+        )
+    return PhysicsResult(
+        robot=loaded.name,
+        parts=list(skins),
+        classifier=classifier,
+        gestures=gestures,
+        frozen=FROZEN,
+        rows=rows,
+        **how,
+    )
+
+
+def physics_lines(result: PhysicsResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    yield (
+        f"{result.robot}, {len(result.parts)} parts in two hands, {len(result.seeds)} seeds "
+        f"(simulated by us and by MuJoCo; nothing is trained on {result.frozen!r}); "
+        "accuracy in % of touches"
+    )
+    shown = "trained_on tested_on mean:% ece:.3f held:% set_size per_class"
+    yield Table.of(PhysicsRow, result.rows, shown, classes=result.gestures)
+
+
+TRAININGS = 8  # of a seed
+
+
+def judge_time(settings: Settings) -> TimeResult:
+    """Run the protocol.
+
+    Raises
+    ------
+    InvalidArrayError
+        Fewer than two parts.
+    """
+    from skinmap.live.contacts.stroke_errors import stroke_errors
+    from skinmap.physics.variants import DEFAULT, FROZEN
+    from skinmap.recognition.protocols.cross_patch import OURS
+    from skinmap.recognition.protocols.physics import evaluate_in_time, play
+    from skinmap.skin.checks import twin_parts
+    from skinmap.touch.prepared_skin import PreparedSkin
+    from skinmap.touch.simulation.gestures import TIME
+
+    if settings.names:
+        raise click.UsageError("--protocol time judges the default classifier: no --classifier")
+    gestures = TIME if settings.own.gestures == "four" else chosen_gestures(settings)
+    loaded, parts = open_robot(settings.robot or "icub", settings.parts)
+    # Mirror images on both sides of the test would flatter.
+    firsts = twin_parts({part: loaded.skin(part) for part in parts})
+    skins = {part: PreparedSkin(loaded.skin(part)) for part in dict.fromkeys(firsts.values())}
+    physics, skipped = [OURS], {}
+    if find_spec("mujoco"):
+        physics += [DEFAULT, FROZEN]
+    else:
+        skipped["mujoco"] = "not installed: pip install 'skinmap[mujoco]'"
+    errors: dict[str, list[StrokeError]] = {one: [] for one in physics}
+    steps = settings.seeds * (TRAININGS + len(physics) * len(skins))
+    with settings.working(steps, "time") as shared:
+        how = {**shared, "variety": settings.variety}
+        played = {
+            seed: play(skins, physics, gestures, settings.per_gesture, seed, **how)
+            for seed in settings.all_seeds
+        }
+        found = evaluate_in_time(played, gestures=gestures, **shared)
+    for one in (one for own in played.values() for one in own):
+        errors[one.physics] += stroke_errors(one.skin, one.recording)
+    best = {(row.features, row.seen): row.mean for row in found.rows if row.tested_on == OURS}
+    return TimeResult(
+        robot=loaded.name,
+        parts=list(skins),
+        gestures=list(gestures),
+        per_gesture=settings.per_gesture,
+        **settings.drawn,
+        rows=found.rows,
+        strokes=[strokes_row(name, own) for name, own in errors.items()],
+        presses_right=dict(found.counted),
+        still_alone=found.still_alone,
+        still_together=found.still_together,
+        gained_points=100.0 * (best["and motion", 1.0] - best["contact geometry", 1.0]),
+        half_seen=best["and motion", 0.5] / best["and motion", 1.0],
+        skipped=skipped,
+    )
+
+
+def strokes_row(physics: str, errors: Sequence[StrokeError]) -> StrokesRow:
+    """Medians of the errors of strokes."""
+
+    def of(values: Sequence[float], how: Callable[..., Any] = np.median) -> float | None:
+        known = [value for value in values if np.isfinite(value)]
+        return float(how(known)) if known else None
+
+    return StrokesRow(
+        physics=physics,
+        strokes=len(errors),
+        speed=of([abs(one.speed) for one in errors]),
+        speed_bias=of([one.speed for one in errors]),
+        direction_deg=of([one.direction for one in errors]),
+        length=of([abs(one.length) for one in errors]),
+        within=of([one.within for one in errors], np.mean),
+    )
+
+
+def time_lines(result: TimeResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    yield (
+        f"{result.robot}, {len(result.parts)} parts in two hands, each touched by people of its "
+        f"own, {len(result.seeds)} seeds (simulated); accuracy in % of touches"
+    )
+    shown = "features tested_on seen:.0% mean:% per_class"
+    yield Table.of(SeenRow, result.rows, shown, classes=result.gestures)
+    yield (
+        f"\nmotion adds {result.gained_points:.1f} points; half of a touch gives "
+        f"{100 * result.half_seen:.0f} % of the accuracy of all of it; still gestures: "
+        f"{percent(result.still_alone)} alone, {percent(result.still_together)} beside these"
+    )
+    yield "\nstrokes of 5 cm or more, medians of the errors"
+    table = Table.of(
+        StrokesRow,
+        result.strokes,
+        "physics strokes speed:%=speed_% speed_bias:%=bias_% direction_deg:.1f=direction_deg "
+        "length:%=way_% within:%=within_2_errors_%",
+    )
+    taps = [percent(result.presses_right.get(row.physics)) for row in result.strokes]
+    rows: Rows = [[*cells, one] for cells, one in zip(table.rows, taps, strict=True)]
+    yield Table([*table.columns, "taps counted %"], rows)
+    for name, why in result.skipped.items():
+        yield f"{name} was left out: {why}"
+
+
+EVALUATIONS = {
+    "cross-patch": Evaluation(judge_cross_patch, cross_patch_lines, CrossPatch),
+    "physics": Evaluation(judge_physics, physics_lines, Gestures),
+    "time": Evaluation(judge_time, time_lines, Gestures),
+}
