@@ -5,20 +5,27 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from calibration.commands.calibration_options import FILE, NO_SEED, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Spread, grade
-from skinmap.commands.options import open_robot, part_option, prints, robot_option
+from skinmap.commands.options import (
+    open_robot,
+    part_option,
+    prints,
+    robot_option,
+)
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.errors import InvalidArrayError
 
 PROPOSED = 3  # poses for the next presses
 
 if TYPE_CHECKING:
     from calibration.files.plane_files import PlaneEvidence
+    from calibration.plane.contacts import Plane
     from calibration.plane.fit import PlaneFit
     from skinmap.skin.robot import Robot
 
@@ -127,6 +134,11 @@ class PlaneResult(Calibrated):
 @click.argument("evidence", nargs=-1, required=True, type=FILE, metavar="EVIDENCE...")
 @robot_option
 @part_option
+@click.option(
+    "--plane", "planes", multiple=True, metavar="X,Y,Z,NX,NY,NZ",
+    help="The surface, where it is known: a point of it [m] and its normal, in the robot's root "
+    "link. Repeat it for surfaces 1, 2, ...  Unknown by default.",
+)  # fmt: skip
 @outputs("mounts, taxels and the report")
 @retired(
     joint_sigma_deg="zeros may be off by 0.5 degrees (sd); fit_plane(joint_sigma=...) in Python",
@@ -134,13 +146,10 @@ class PlaneResult(Calibrated):
     threshold="a taxel is active from 8 counts above rest",
     seed=NO_SEED,
     profile=NO_PROFILE,
-    plane="surfaces are found from the presses; fit_plane(planes=...) in Python",
     next="three poses are proposed",
 )
 @prints(PlaneResult)
-def plane(
-    evidence: tuple[Path, ...], robot: str | None, parts: tuple[str, ...], output: Outputs
-) -> None:
+def plane(robot: str | None, parts: tuple[str, ...], output: Outputs, **how: Any) -> None:
     """Mounts of skin patches that a robot pressed on a flat surface in many poses.
 
     EVIDENCE is an .npz file with `joints` (names), `angles (m, j)` [rad] and, of each part,
@@ -160,7 +169,7 @@ def plane(
     loaded, _ = open_robot(robot, parts)
     with progress(1, "calibrate") as advance:
         advance("presses")
-        result, presses, fit = work(loaded, parts, evidence)
+        result, presses, fit = work(loaded, parts, **how)
     output.finish(
         result,
         _lines,
@@ -169,10 +178,38 @@ def plane(
     )
 
 
+def read_planes(words: Sequence[str]) -> list[Plane] | None:
+    """Planes from `x,y,z,nx,ny,nz`; None where there are no words.
+
+    Raises
+    ------
+    InvalidArrayError
+        Not six finite numbers, or a normal without length.
+    """
+    import numpy as np
+
+    from calibration.plane.contacts import Plane
+
+    planes = []
+    for text in words:
+        try:
+            numbers = np.array([float(word) for word in text.split(",")])
+        except ValueError:
+            numbers = np.zeros(0)
+        if len(numbers) != 6 or not np.isfinite(numbers).all():
+            raise InvalidArrayError(
+                f"--plane {text!r} must be six numbers x,y,z,nx,ny,nz: a point [m] and the normal"
+            )
+        planes.append(Plane(numbers[:3], numbers[3:]))
+    return planes or None
+
+
 def work(
     robot: Robot,
     parts: Sequence[str],
+    *,
     evidence: Sequence[Path],
+    planes: Sequence[str],
 ) -> tuple[PlaneResult, PlaneEvidence, PlaneFit]:
     """Fit mounts to presses, and propose the next ones."""
     import numpy as np
@@ -181,12 +218,14 @@ def work(
     from calibration.plane.fit import fit_plane
     from calibration.plane.jointed_robot import part_chains
 
+    known = read_planes(planes)
     presses = read_plane_evidence(evidence, robot, parts)
     pressed, joints = tuple(presses.contacts.active), presses.joints
     fit = fit_plane(
         presses.contacts,
         list(part_chains(robot, pressed, joints).values()),
         modules={part: robot.skin(part).modules for part in pressed},
+        planes=known,
         joint_names=joints,
     )
     turning = [k for k in fit.joint_offsets if joints[k] not in robot.body.sliding_joints]

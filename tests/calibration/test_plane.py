@@ -11,6 +11,7 @@ from scipy.special import expit
 
 from calibration import Chain, Plane, PlaneContacts, fit_plane, robot_chain
 from calibration.commands import calibrate
+from calibration.commands.plane import read_planes
 from calibration.files.plane_files import read_plane_evidence
 from calibration.plane.jointed_robot import candidates, pressing
 from calibration.plane.model import PlaneProblem, patch_of
@@ -497,6 +498,15 @@ def test_damaged_files_are_named(case, robot, tmp_path):
         read_plane_evidence([path], robot)
 
 
+def test_planes_are_read_from_six_numbers():
+    assert read_planes(()) is None
+    (plane,) = read_planes(["0,0,0.1, 0,0,2"])
+    np.testing.assert_allclose(plane.normal, [0, 0, 1])
+    for text in ("0,0,1", "a,b,c,d,e,f", "0,0,nan,0,0,1"):
+        with pytest.raises(InvalidArrayError, match="six numbers"):
+            read_planes([text])
+
+
 def run(*words, code=0):
     result = CliRunner().invoke(calibrate, [*map(str, words), "--json"])
     assert result.exit_code == code, (result.output, result.exception)
@@ -565,7 +575,7 @@ def test_joints_before_the_first_that_is_told_stood_still(case, robot, chain, li
 
 
 def test_plane_prints_for_people(saved):
-    result = CliRunner().invoke(calibrate, ["plane", str(saved)])
+    result = CliRunner().invoke(calibrate, ["plane", str(saved), "--plane", "0,0,-0.05,0,0,1"])
     assert result.exit_code in (0, 3), result.output
     assert "right_forearm: 40 contacts" in result.stdout
     assert "next 1: torso_pitch" in result.stdout

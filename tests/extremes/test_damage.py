@@ -38,6 +38,7 @@ NO_READERS = {
     "skinmap.commands.options.read_radius": "words of a command line, tested with it",
     "skinmap.live.response.loads.load_calibrations": "LoadCalibration.read, by part",
     "skinmap.recognition.answering.read_groups": "words of a command line, tested with it",
+    "calibration.commands.plane.read_planes": "words of a command line, tested with it",
     "skinmap.io.text.read_text": "under every reader of text",
     "skinmap.io.robots.manifest.load_fields": "under read_manifest",
     "viewer.inputs.read_responses": "load_response, by name",
