@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from calibration.files.tables import ENTRIES
-from calibration.response.response_file import load_response
+from calibration.response.response import load_response
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import (
     DataFormatError,

@@ -19,8 +19,8 @@ from skinmap.rows import percent
 from skinmap.summary import first_few
 
 if TYPE_CHECKING:
-    from calibration.response.area_by_prints import PrintFit
     from calibration.response.load_fit import LoadFit, Pressed
+    from calibration.response.load_references import PrintFit
     from skinmap.io.recordings.load_evidence import LoadEvidence
     from skinmap.skin.skin import Skin
     from skinmap.touch.load_calibration import LoadCalibration
@@ -162,8 +162,8 @@ def work(
     *, evidence: tuple[Path, ...], robot: str, part: str | None, area_mm2: float | None
 ) -> tuple[LoadResult, LoadFit, list[Pressed]]:
     """Fit the pressures of a skin."""
-    from calibration.response.load_by_wrench import fit_wrench
     from calibration.response.load_fit import fit_load
+    from calibration.response.load_references import fit_wrench
     from skinmap.io.recordings.load_evidence import FORCES, PRINTS, check_bar, read_evidence
     from skinmap.skin.skin import fingerprint
     from skinmap.touch.load_calibration import UNEVEN
@@ -256,7 +256,7 @@ def _top_newtons(loads: list[LoadEvidence]) -> float | None:
 
 def _printed(held: list[LoadEvidence], calibration: LoadCalibration, skin: Skin | None) -> PrintFit:
     """Areas of contacts from prints."""
-    from calibration.response.area_by_prints import fit_prints
+    from calibration.response.load_references import fit_prints
 
     if skin is None:
         raise SkinMismatchError(f"{held[0].name}: prints need --part: areas are those of its mesh")

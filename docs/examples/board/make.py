@@ -20,7 +20,7 @@ sys.path.insert(0, str(HERE.parents[2]))
 from scipy.spatial.transform import Rotation  # noqa: E402
 
 from benchmarks.calibration import links  # noqa: E402
-from benchmarks.calibration.patches import Case, far_apart, simulate_touches  # noqa: E402
+from benchmarks.calibration.links import Case, far_apart, simulate_touches  # noqa: E402
 from skinmap.arrays import FloatArray, IntArray  # noqa: E402
 from skinmap.geometry.triangles import face_normals  # noqa: E402
 
