@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmarks.reliability import full_disk, stops
-from benchmarks.reliability.page import by_hand
+from benchmarks.reliability.soak import by_hand
 from skinmap.cli.main import cli
 
 ROOT = Path(__file__).parents[2]
