@@ -44,14 +44,12 @@ def read_arrays(path: Path, expected: str) -> dict[str, NDArray[Any]]:
     check_file(path, expected, most_bytes=2**32)
     if path.suffix.lower() == ".csv":
         return {"samples": read_numbers(path, None)}
-    try:
-        if path.suffix.lower() == ".npy":
-            with path.open("rb") as file, quiet_headers():
-                return {"samples": np.asarray(np.lib.format.read_array(file, allow_pickle=False))}
-        with open_arrays(path) as arrays:
+    if path.suffix.lower() != ".npy":
+        with open_arrays(path, expected) as arrays:
             return {name: arrays[name] for name in arrays.files}
-    except DataFormatError:
-        raise
+    try:
+        with path.open("rb") as file, quiet_headers():
+            return {"samples": np.asarray(np.lib.format.read_array(file, allow_pickle=False))}
     except DAMAGED_ARCHIVE as error:
         raise DataFormatError(f"not {expected}: {error}", path) from error
 

@@ -512,6 +512,8 @@ class DriftTracker:
 
 
 FORMAT = "skinmap-response-1"
+HEAD = {"sign": int, "rate": float, "fingerprint": str}
+ARRAYS = ("baseline", "noise", "threshold", "modules", "thermal")  # the last two perhaps
 
 
 def save_response(response: ResponseCalibration, path: Path) -> None:
@@ -537,25 +539,12 @@ def save_response(response: ResponseCalibration, path: Path) -> None:
     OutputError
         The file cannot be written.
     """
-    head = {
-        "format": FORMAT,
-        "sign": response.sign,
-        "rate": response.rate,
-        "fingerprint": response.fingerprint,
-        "health": response.health.tolist(),
-    }
-    arrays: dict[str, Any] = {
-        "head": np.frombuffer(json.dumps(head).encode(), np.uint8),
-        "baseline": response.baseline,
-        "noise": response.noise,
-        "threshold": response.threshold,
-    }
+    given = {name: getattr(response, name) for name in ARRAYS}
+    arrays: dict[str, Any] = {name: own for name, own in given.items() if own is not None}
+    head = {name: getattr(response, name) for name in HEAD} | {"health": response.health.tolist()}
+    arrays["head"] = np.frombuffer(json.dumps({"format": FORMAT, **head}).encode(), np.uint8)
     if response.gain is not None:
         arrays |= {"gain_loads": response.gain.knots, "gain_counts": response.gain.counts}
-    if response.modules is not None:
-        arrays["modules"] = response.modules
-    if response.thermal is not None:
-        arrays["thermal"] = response.thermal
     buffer = io.BytesIO()
     np.savez_compressed(buffer, **arrays)
     with staged_file(path) as stage:
@@ -601,21 +590,11 @@ def load_response(path: Path, *, fingerprint: str = "") -> ResponseCalibration:
             head = json.loads(arrays["head"].tobytes())
             if head["format"] != FORMAT:
                 raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
-            gain = None
+            known: dict[str, Any] = {name: kind(head[name]) for name, kind in HEAD.items()}
+            known |= {name: arrays.get(name) for name in ARRAYS}
             if "gain_loads" in arrays:
-                gain = Gain(arrays["gain_loads"], arrays["gain_counts"])
-            response = ResponseCalibration(
-                arrays["baseline"],
-                arrays["noise"],
-                arrays["threshold"],
-                int(head["sign"]),
-                np.array(head["health"], dtype="<U13"),
-                gain,
-                float(head["rate"]),
-                str(head["fingerprint"]),
-                arrays.get("modules"),
-                arrays.get("thermal"),
-            )
+                known["gain"] = Gain(arrays["gain_loads"], arrays["gain_counts"])
+            response = ResponseCalibration(**known, health=np.array(head["health"], dtype="<U13"))
     except DAMAGED_ARCHIVE as error:
         if isinstance(error, DataFormatError):
             raise
