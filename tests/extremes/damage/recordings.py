@@ -240,9 +240,6 @@ def wrenches() -> bytes:
                   moments=rng.normal(size=(3, 3)), taxels=rng.normal(size=(4, 3)))  # fmt: skip
 
 
-WRENCH = b"touch,x,y,z,fx,fy,fz,mx,my,mz\n0,1,2,3,0,0,1,0.1,0.2,0\n1,2,2,3,0,1,0,0,0.2,0.1\n"
-
-
 MAPPING = b'robot = "kaspar"\npart = "left_hand"\nlabel = "poke"\nrest_percentile = 25\n'
 MARKS = b"part,event,began_s,ended_s,label\na,0,0.1,0.2,poke\na,1,0.3,0.4,rub\n"
 
@@ -406,7 +403,6 @@ TARGETS = [
           {"A_B.npz": self_touch, "part_B.npz": lambda: part(1)}),
     *both("wrenches", "w.npz", lambda: [wrenches()], read_wrenches,
           ("calibration.files.mount_files.read_wrenches",)),
-    Target("wrenches-csv", "w.csv", lambda: [WRENCH], read_wrenches),
     *both("arrays", "s.npz", lambda: [zipped(samples=values(), loads=values())],
           lambda p: read_samples(p, ("samples", "loads")),
           ("calibration.files.mount_files.read_samples",
