@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CloughTocher2DInterpolator
@@ -141,23 +142,21 @@ PITCH = 6.6e-3  # of the ten taxels of a module [m]
 Shape = Callable[[FloatArray, FloatArray], FloatArray]  # arc lengths (n,), (n,) [m] to (n, 3)
 
 
-def tube(bend: float, radius: float = 35e-3, taper: float = 0.0) -> Shape:
+def tube(
+    bend: float, u: FloatArray, v: FloatArray, *, radius: float = 35e-3, taper: float = 0.0
+) -> FloatArray:
     """A tube bent with a radius: u goes round it, v along it; it widens by `taper` a length."""
-
-    def place(u: FloatArray, v: FloatArray) -> FloatArray:
-        a, b = u / radius, v / bend
-        # The side that looks away from the centre of the bend is longer.
-        wide = radius + taper * v
-        arm = bend + wide * np.cos(a)
-        return np.column_stack([arm * np.cos(b) - bend, wide * np.sin(a), arm * np.sin(b)])
-
-    return place
+    a, b = u / radius, v / bend
+    # The side that looks away from the centre of the bend is longer.
+    wide = radius + taper * v
+    arm = bend + wide * np.cos(a)
+    return np.column_stack([arm * np.cos(b) - bend, wide * np.sin(a), arm * np.sin(b)])
 
 
-def section(half: Callable[[FloatArray], FloatArray], length: float) -> Shape:
-    """A straight prism round z: `half` (k,) angles to points (k, 2) [m], of some perimeter."""
+def section(half: Callable[..., FloatArray], *sizes: float) -> Shape:
+    """A straight prism round z: `half` takes sizes and angles (k,) to points (k, 2) [m]."""
     angle = np.linspace(-np.pi, np.pi, 4001)
-    points = half(angle)
+    points = half(*sizes, angle)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     along -= np.interp(0.0, angle, along)
 
@@ -168,66 +167,44 @@ def section(half: Callable[[FloatArray], FloatArray], length: float) -> Shape:
     return place
 
 
-def ellipse(a: float, b: float) -> Shape:
-    """An elliptic cylinder."""
-    return section(lambda t: np.column_stack([a * np.cos(t), b * np.sin(t)]), 2 * np.pi * a)
+def ellipse(a: float, b: float, t: FloatArray) -> FloatArray:
+    """Section (k, 2) of an elliptic cylinder."""
+    return np.column_stack([a * np.cos(t), b * np.sin(t)])
 
 
-def box(a: float, b: float, edge: float) -> Shape:
-    """A flat box with round edges: half widths and the radius of its edges [m]."""
-
-    def half(t: FloatArray) -> FloatArray:
-        way = np.column_stack([np.cos(t), np.sin(t)])
-        core = np.array([a - edge, b - edge])
-        # The point of a rounded box that looks along `way` at its corner, else on its flat side.
-        grown = way * 4.0 * max(a, b)
-        inner = np.clip(grown, -core, core)
-        out = grown - inner
-        return inner + edge * out / np.linalg.norm(out, axis=1, keepdims=True)
-
-    return section(half, 4 * (a + b))
+def box(a: float, b: float, edge: float, t: FloatArray) -> FloatArray:
+    """Section (k, 2) of a flat box with round edges: half widths and the edges' radius [m]."""
+    way = np.column_stack([np.cos(t), np.sin(t)])
+    core = np.array([a - edge, b - edge])
+    # The point of a rounded box that looks along `way` at its corner, else on its flat side.
+    grown = way * 4.0 * max(a, b)
+    inner = np.clip(grown, -core, core)
+    out = grown - inner
+    return inner + edge * out / np.linalg.norm(out, axis=1, keepdims=True)
 
 
-def cone(radius: float, slope: float) -> Shape:
+def cone(radius: float, slope: float, u: FloatArray, v: FloatArray) -> FloatArray:
     """A cone round z whose radius grows by `slope` for each length along it."""
-
-    def place(u: FloatArray, v: FloatArray) -> FloatArray:
-        r = radius + slope * v
-        a = u / radius
-        up = np.sqrt(1.0 - slope**2) * v
-        return np.column_stack([r * np.cos(a), r * np.sin(a), up])
-
-    return place
+    r, a = radius + slope * v, u / radius
+    return np.column_stack([r * np.cos(a), r * np.sin(a), np.sqrt(1.0 - slope**2) * v])
 
 
-def ball(radius: float) -> Shape:
+def ball(radius: float, u: FloatArray, v: FloatArray) -> FloatArray:
     """A ball: u along its equator, v along its meridians."""
-
-    def place(u: FloatArray, v: FloatArray) -> FloatArray:
-        a, b = u / radius, v / radius
-        return radius * np.column_stack([np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)])
-
-    return place
+    a, b = u / radius, v / radius
+    return radius * np.column_stack([np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)])
 
 
-def saddle(radius: float) -> Shape:
+def saddle(radius: float, u: FloatArray, v: FloatArray) -> FloatArray:
     """A saddle whose two curvatures have this radius at its middle, over x."""
-
-    def place(u: FloatArray, v: FloatArray) -> FloatArray:
-        return np.column_stack([(u**2 - v**2) / (2 * radius), u, v])
-
-    return place
+    return np.column_stack([(u**2 - v**2) / (2 * radius), u, v])
 
 
-def torso(a: float, b: float, tall: float) -> Shape:
+def torso(a: float, b: float, tall: float, u: FloatArray, v: FloatArray) -> FloatArray:
     """A chest: an ellipse that swells and shrinks along its height."""
-
-    def place(u: FloatArray, v: FloatArray) -> FloatArray:
-        swell = 1.0 - 0.25 * (v / tall) ** 2 + 0.06 * np.cos(3 * v / tall)
-        t = u / a
-        return np.column_stack([b * swell * np.cos(t), a * swell * np.sin(t), v])
-
-    return place
+    swell = 1.0 - 0.25 * (v / tall) ** 2 + 0.06 * np.cos(3 * v / tall)
+    t = u / a
+    return np.column_stack([b * swell * np.cos(t), a * swell * np.sin(t), v])
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,22 +241,23 @@ def whole(radius: float) -> tuple[float, float]:
 
 
 HALF = (-0.11, 0.11)
+CYLINDER, TORSO = partial(tube, 1e4, radius=45e-3), partial(torso, 0.11, 0.075, 0.16)
 LINKS = (
-    Link("cylinder", tube(1e4, 45e-3), whole(45e-3), HALF, "fine", 4, 4, False),
-    Link("cylinder, coarse", tube(1e4, 45e-3), whole(45e-3), HALF, "coarse", 2, 8, True),
-    Link("cone", cone(45e-3, 0.25), whole(45e-3), HALF, "noisy", 4, 4, False),
-    Link("ellipse", ellipse(60e-3, 35e-3), (-0.1522, 0.1522), HALF, "fine", 3, 6, True),
-    Link("box", box(60e-3, 32e-3, 14e-3), (-0.16, 0.16), HALF, "fine", 4, 4, True),
-    Link("tube of 150", tube(0.15), whole(35e-3), HALF, "fine", 4, 4, True),
-    Link("tube of 150, noisy", tube(0.15), whole(35e-3), HALF, "noisy", 3, 5, True),
-    Link("tube of 300", tube(0.3), whole(35e-3), HALF, "fine", 3, 8, False),
-    Link("tube of 300, open", tube(0.3), (-0.085, 0.085), HALF, "open", 3, 6, True),
-    Link("tube of 300, coarse", tube(0.3), whole(35e-3), HALF, "coarse", 4, 7, True),
-    Link("tube of 600", tube(0.6), whole(35e-3), HALF, "fine", 3, 7, True),
-    Link("ball", ball(60e-3), whole(60e-3), (-0.094, 0.094), "fine", 3, 5, False),
-    Link("ball of 90, open", ball(90e-3), (-0.14, 0.14), (-0.1, 0.1), "open", 4, 5, True),
-    Link("saddle", saddle(0.12), (-0.09, 0.09), (-0.09, 0.09), "fine", 4, 4, True),
-    Link("torso", torso(0.11, 0.075, 0.16), whole(0.11), (-0.13, 0.13), "noisy", 5, 5, True),
+    Link("cylinder", CYLINDER, whole(45e-3), HALF, "fine", 4, 4, False),
+    Link("cylinder, coarse", CYLINDER, whole(45e-3), HALF, "coarse", 2, 8, True),
+    Link("cone", partial(cone, 45e-3, 0.25), whole(45e-3), HALF, "noisy", 4, 4, False),
+    Link("ellipse", section(ellipse, 60e-3, 35e-3), (-0.1522, 0.1522), HALF, "fine", 3, 6, True),
+    Link("box", section(box, 60e-3, 32e-3, 14e-3), (-0.16, 0.16), HALF, "fine", 4, 4, True),
+    Link("tube of 150", partial(tube, 0.15), whole(35e-3), HALF, "fine", 4, 4, True),
+    Link("tube of 150, noisy", partial(tube, 0.15), whole(35e-3), HALF, "noisy", 3, 5, True),
+    Link("tube of 300", partial(tube, 0.3), whole(35e-3), HALF, "fine", 3, 8, False),
+    Link("tube of 300, open", partial(tube, 0.3), (-0.085, 0.085), HALF, "open", 3, 6, True),
+    Link("tube of 300, coarse", partial(tube, 0.3), whole(35e-3), HALF, "coarse", 4, 7, True),
+    Link("tube of 600", partial(tube, 0.6), whole(35e-3), HALF, "fine", 3, 7, True),
+    Link("ball", partial(ball, 60e-3), whole(60e-3), (-0.094, 0.094), "fine", 3, 5, False),
+    Link("ball of 90, open", partial(ball, 90e-3), (-0.14, 0.14), (-0.1, 0.1), "open", 4, 5, True),
+    Link("saddle", partial(saddle, 0.12), (-0.09, 0.09), (-0.09, 0.09), "fine", 4, 4, True),
+    Link("torso", TORSO, whole(0.11), (-0.13, 0.13), "noisy", 5, 5, True),
 )  # fmt: skip
 EDGE = {"fine": 5e-3, "coarse": 16e-3, "noisy": 5e-3, "open": 6e-3}  # of the mesh [m]
 NOISE = 0.4e-3  # of a noisy mesh's vertices [m]
