@@ -166,7 +166,7 @@ def _named(name: str, robot: Robot) -> tuple[str, Path]:
 def _covariances(path: Path) -> tuple[np.ndarray, FloatArray]:
     """Channels (n,) and covariances (n, 3, 3) [m2] of a calibrated table."""
     read_taxels(path, "csv")  # checks header and numbers
-    rows = [row for row in CsvRows(read_text(path)) if row]
+    rows = [row for row in CsvRows(read_text(path), path) if row]
     names = tuple(cell.strip() for cell in rows[0])
     if names != (*COLUMNS, *COVARIANCE):
         raise DataFormatError(

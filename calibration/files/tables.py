@@ -5,7 +5,6 @@ Places of requested touches: a CSV with a row for each point.
 
 from __future__ import annotations
 
-import csv
 import io
 from array import array
 from collections.abc import Iterator, Sequence
@@ -206,40 +205,31 @@ def read_cells(
     DataFormatError
         A missing or unknown column; and where it is come to, a row of another length, no row.
     """
-    reader = CsvRows(read_text(path))
-    try:
-        names = [cell.strip().lower() for cell in next(reader, [])]
-        others = names[1:] if first and names and names[0] in first else names
-        if (
-            set(needed) - set(others)
-            or set(others) - {*needed, *known}
-            or len(set(names)) < len(names)
-            or (first and others is names)
-        ):
-            raise DataFormatError(
-                f"expected the columns {','.join((*first[:1], *needed))} and perhaps "
-                f"{','.join(known)}, got {','.join(names)[:200]!r}",
-                path,
-                1,
-            )
-    except csv.Error as error:
-        raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
+    reader = CsvRows(read_text(path), path)
+    names = [cell.strip().lower() for cell in next(reader, [])]
+    others = names[1:] if first and names and names[0] in first else names
+    if (
+        set(needed) - set(others)
+        or set(others) - {*needed, *known}
+        or len(set(names)) < len(names)
+        or (first and others is names)
+    ):
+        raise DataFormatError(
+            f"expected the columns {','.join((*first[:1], *needed))} and perhaps "
+            f"{','.join(known)}, got {','.join(names)[:200]!r}",
+            path,
+            1,
+        )
 
     def rows() -> Iterator[tuple[int, list[str]]]:
-        empty = True
-        try:
-            for row in reader:
-                if not row:
-                    continue
-                if len(row) != len(names):
-                    raise DataFormatError(
-                        f"expected {len(names)} columns, got {len(row)}", path, reader.line_num
-                    )
-                empty = False
-                yield reader.line_num, row
-        except csv.Error as error:
-            raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
-        if empty:
+        row = None
+        for row in filter(None, reader):
+            if len(row) != len(names):
+                raise DataFormatError(
+                    f"expected {len(names)} columns, got {len(row)}", path, reader.line_num
+                )
+            yield reader.line_num, row
+        if row is None:
             raise DataFormatError("the table has no row", path, 1)
 
     return names, rows()

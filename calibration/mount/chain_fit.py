@@ -62,10 +62,6 @@ class Side:
         """Places (m, c, 3) where the two sides stand apart by so much [m]."""
         return self.places + standoff * self.outward
 
-    def scaled(self, share: float) -> Side:
-        """The same side with its part of what two sides stand apart."""
-        return Side(self.places, self.filled, share * self.outward)
-
 
 def side_of(chain: Chain, touched: Sequence[IntArray] | None, m: int) -> Side:
     """Middles of the connected active taxels of m events; a probe has its origin alone."""
@@ -186,7 +182,8 @@ def contacts_of(recording: TouchRecording, first: Chain, second: Chain) -> Conta
     sides = side_of(first, one, m), side_of(second, other, m)
     # One metre apart is half a metre for each of two sides, all of it where only one has normals.
     share = 1.0 / max(sum(side.outward.any() for side in sides), 1)
-    return Contacts(recording, (sides[0].scaled(share), sides[1].scaled(share)))
+    here, there = (replace(side, outward=share * side.outward) for side in sides)
+    return Contacts(recording, (here, there))
 
 
 JOINT_SIGMA = np.deg2rad(2.0)  # what zero positions of joints are off by

@@ -106,7 +106,6 @@ class Chain:
         joints: ArrayLike,
         mount: ArrayLike | None = None,
         taxels: ArrayLike | None = None,
-        normals: ArrayLike | None = None,
     ) -> Chain:
         """A chain from rows of Denavit and Hartenberg, in the standard convention.
 
@@ -120,7 +119,7 @@ class Chain:
             Column of a recording's angles of each of the last j rows.
         mount : (4, 4) array-like of float, optional
             T_link_patch.
-        taxels, normals : (n, 3) array-like of float, optional
+        taxels : (n, 3) array-like of float, optional
             None for a probe.
         """
         rows = check_finite(np.reshape(np.asarray(dh, np.float64), (-1, 4)), "dh", (None, 4))
@@ -143,7 +142,7 @@ class Chain:
             np.ones(j),
             np.zeros(j),
             T,
-            **known(mount=mount, taxels=taxels, normals=normals),
+            **known(mount=mount, taxels=taxels),
         )
 
     @property

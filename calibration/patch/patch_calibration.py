@@ -16,7 +16,7 @@ from enum import StrEnum
 import numpy as np
 
 from calibration.patch.sheet_model import Evidence
-from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
+from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.summary import Summary, listed, millimetres
 
 LARGEST_SHARE = 0.999  # of an observation that nothing else controls: its error is unknown
@@ -49,10 +49,6 @@ class LeftOut:
     def nothing(cls) -> LeftOut:
         """No evidence at all."""
         return cls(np.zeros(0), np.zeros(0), np.zeros(0))
-
-    def only(self, rows: BoolArray) -> LeftOut:
-        """Some of them."""
-        return LeftOut(self.distance[rows], self.expected[rows], self.misfit[rows])
 
     def __len__(self) -> int:
         return len(self.distance)
