@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole, freeze
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.rigid import check_transform, rigid_transform, rpy_matrix
-from skinmap.skin.joints import Joint, ancestors, check_link
+from skinmap.skin.joints import ancestors, check_link
 from skinmap.skin.robot import Robot
 
 
@@ -316,25 +316,42 @@ def robot_chain(
     >>> chain.name, len(chain.joints)
     ('right_hand', 4)
     """
-    body, tree = robot.body, robot.body.tree
-    links = body.links
-    start = check_link(links, _root(robot) if base is None else base)
-    columns, still = _columns(robot, joint_names), dict(held or {})
-    for joint in still:
-        _check_joint(robot, joint)
-    walk = _Walk(columns, still)
+    tree, links = robot.body.tree, robot.body.links
+    start = check_link(links, ancestors(tree, links[0])[-1] if base is None else base)
+    columns, still = joint_columns(robot, joint_names), dict(held or {})
+    for own in still:
+        _check_joint(robot, own)
     up, down = ancestors(tree, start), ancestors(tree, check_link(links, link))
     shared = next(one for one in up if one in down)
-    for one in up[: up.index(shared)]:
-        walk.climb(tree[one])
-    for one in reversed(down[: down.index(shared)]):
-        walk.descend(tree[one])
-    if walk.unknown:
+    # On the way up a joint's angle counts the other way round.
+    way = [(tree[one], -1.0) for one in up[: up.index(shared)]]
+    way += [(tree[one], 1.0) for one in reversed(down[: down.index(shared)])]
+    T: FloatArray = np.eye(4)  # since the last joint
+    # Of each joint: the transform before it, axis, sliding, column, factor and shift.
+    passed = list[tuple[FloatArray, FloatArray, bool, int, float, float]]()
+    unknown = list[str]()
+    for joint, sign in way:
+        T = T @ joint.T_parent_joint if sign > 0 else T
+        slides, driver = joint.kind == "slides", joint.driver
+        if joint.kind == "fixed":
+            pass
+        elif driver in columns:
+            shift = sign * joint.offset
+            passed.append((T, joint.axis, slides, columns[driver], sign * joint.factor, shift))
+            T = np.eye(4)
+        elif not driver or driver in still:
+            angle = np.array([sign * (joint.factor * still.get(driver, 0.0) + joint.offset)])
+            axis = joint.axis if slides else joint.axis / np.linalg.norm(joint.axis)
+            T = T @ joint_transform(axis, angle, sliding=slides)[0]
+        else:
+            unknown.append(driver)
+        T = T @ np.linalg.inv(joint.T_parent_joint) if sign < 0 else T
+    if unknown:
         raise InvalidArrayError(
             f"the chain from {start!r} to {link!r} passes joints whose angles are not given: "
-            f"{', '.join(dict.fromkeys(walk.unknown))}; given are: {', '.join(columns) or 'none'}"
+            f"{', '.join(dict.fromkeys(unknown))}; given are: {', '.join(columns) or 'none'}"
         )
-    before, axes, sliding, numbers, factors, shifts = [*zip(*walk.passed, strict=True)] or [()] * 6
+    before, axes, sliding, numbers, factors, shifts = [*zip(*passed, strict=True)] or [()] * 6
     j, given = len(numbers), known(mount=mount, taxels=taxels, normals=normals)
     return Chain(
         link if name is None else name,
@@ -344,50 +361,9 @@ def robot_chain(
         np.array(numbers, np.int64),
         np.array(factors, np.float64),
         np.array(shifts, np.float64),
-        walk.T,
+        T,
         **given,
     )
-
-
-class _Walk:
-    """Joints and the fixed transforms between them, gathered on the way from link to link."""
-
-    def __init__(self, columns: Mapping[str, int], held: Mapping[str, float]) -> None:
-        self._columns, self._held = columns, held
-        # Of each joint: the transform before it, axis, sliding, column, factor and shift.
-        self.passed = list[tuple[FloatArray, FloatArray, bool, int, float, float]]()
-        self.unknown = list[str]()
-        self.T: FloatArray = np.eye(4)  # since the last joint
-
-    def descend(self, joint: Joint) -> None:
-        """From the parent of a joint to its child."""
-        self.T = self.T @ joint.T_parent_joint
-        self._pass(joint, 1.0)
-
-    def climb(self, joint: Joint) -> None:
-        """From the child of a joint to its parent: its angle counts the other way round."""
-        self._pass(joint, -1.0)
-        self.T = self.T @ np.linalg.inv(joint.T_parent_joint)
-
-    def _pass(self, joint: Joint, sign: float) -> None:
-        if joint.kind == "fixed":
-            return
-        slides = joint.kind == "slides"
-        if joint.driver in self._columns:
-            column, shift = self._columns[joint.driver], sign * joint.offset
-            self.passed.append((self.T, joint.axis, slides, column, sign * joint.factor, shift))
-            self.T = np.eye(4)
-        elif not joint.driver or joint.driver in self._held:
-            angle = joint.factor * self._held.get(joint.driver, 0.0) + joint.offset
-            axis = joint.axis if slides else joint.axis / np.linalg.norm(joint.axis)
-            own = np.array([sign * angle])
-            self.T = self.T @ joint_transform(axis, own, sliding=slides)[0]
-        else:
-            self.unknown.append(joint.driver)
-
-
-def _root(robot: Robot) -> str:
-    return ancestors(robot.body.tree, robot.body.links[0])[-1]
 
 
 def _check_joint(robot: Robot, joint: str) -> None:
@@ -395,7 +371,8 @@ def _check_joint(robot: Robot, joint: str) -> None:
         raise UnknownNameError("joint", joint, robot.body.joints)
 
 
-def _columns(robot: Robot, joint_names: Sequence[str]) -> dict[str, int]:
+def joint_columns(robot: Robot, joint_names: Sequence[str]) -> dict[str, int]:
+    """Column of each joint of a robot, none of them unknown or named twice."""
     columns: dict[str, int] = {}
     for column, joint in enumerate(joint_names):
         _check_joint(robot, joint)
