@@ -89,7 +89,6 @@ soak: $(READY)  ## files cut, disks full, commands stopped, recorders killed, me
 
 reliability: $(READY)  ## docs/reliability.md from what `make soak` and `make fuzz` measured
 	$(BIN)/python -m benchmarks.reliability.soak fuzz
-	$(BIN)/python -m benchmarks.reliability.page
 
 bench-viewer: $(READY)  ## frames, start-up, age and memory of the viewer (4 min), to benchmarks/results (ARGS=--quick)
 	$(BIN)/python -m benchmarks.viewer.viewer_speed $(ARGS)

@@ -6,9 +6,9 @@ from calibration.mount.rigid_mount import fit_mount as fit_mount
 from calibration.mount.skin_contacts import SelfTouchFit as SelfTouchFit
 from calibration.mount.skin_contacts import self_touch as self_touch
 from calibration.patch.patch_calibration import PatchCalibration as PatchCalibration
-from calibration.patch.touch import Touch as Touch
-from calibration.patch.touch import locate_by_touch as locate_by_touch
-from calibration.patch.wrap import wrap_layout as wrap_layout
+from calibration.patch.placing import Touch as Touch
+from calibration.patch.placing import locate_by_touch as locate_by_touch
+from calibration.patch.placing import wrap_layout as wrap_layout
 from calibration.plane.fit import PlaneFit as PlaneFit
 from calibration.plane.fit import fit_plane as fit_plane
 from calibration.response.response import ResponseCalibration as ResponseCalibration

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from calibration.files.tables import ENTRIES
-from calibration.response.response_file import load_response
+from calibration.response.response import load_response
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import (
     DataFormatError,
@@ -166,7 +166,7 @@ def _named(name: str, robot: Robot) -> tuple[str, Path]:
 def _covariances(path: Path) -> tuple[np.ndarray, FloatArray]:
     """Channels (n,) and covariances (n, 3, 3) [m2] of a calibrated table."""
     read_taxels(path, "csv")  # checks header and numbers
-    rows = [row for row in CsvRows(read_text(path)) if row]
+    rows = [row for row in CsvRows(read_text(path), path) if row]
     names = tuple(cell.strip() for cell in rows[0])
     if names != (*COLUMNS, *COVARIANCE):
         raise DataFormatError(

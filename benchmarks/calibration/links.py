@@ -4,43 +4,159 @@ A board is laid on a shape given by a formula, so that the place of every taxel 
 boards are the flat map of where they lie, as `skinmap.flatten` makes it; `modules` are rigid
 triangles of ten taxels whose gaps open and close, which nothing in the wrap assumes. The link's
 mesh is the shape itself, fine, coarse, noisy or open, below the taxels by an unknown height.
+
+Boards and links of the real iCub, and simulated evidence of where the taxels are.
+
+The truth are the taxels of the built-in iCub; a board is the flat map of a patch, of at most 16
+modules round a random one. Evidence is made from the truth with noise of known spread.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from scipy.interpolate import CloughTocher2DInterpolator
+from scipy.spatial import Delaunay
+from scipy.spatial.transform import Rotation
 
 import skinmap
-from benchmarks.calibration.patches import Case
+from calibration import Touch
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.rigid import turn_about
+from skinmap.geometry.triangles import unit
 from skinmap.skin.skin import Skin
+
+MAX_MODULES = 16
+FELT = 4e-3  # width of what a taxel feels [m]
+LEAST = 0.08  # share of its largest value that counts as felt
+GAIN = 0.25  # spread of the taxels' gains
+TRIANGLE = 12e-3  # longest side of a triangle of taxels that is skin [m]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Case:
+    """A patch: part, board (n, 2), true places (n, 3) [m], modules (n,) and its link's mesh."""
+
+    part: str
+    layout: FloatArray
+    truth: FloatArray
+    modules: IntArray
+    vertices: FloatArray
+    faces: IntArray
+
+
+def icub_cases() -> Iterator[Case]:
+    """All patches of the iCub."""
+    robot = skinmap.load_robot("icub")
+    for part in robot.parts:
+        skin = robot.skin(part)
+        link = robot.mesh(skin.link)
+        for chart in skinmap.flatten(skinmap.build_surface(skin)).charts:
+            keep = _some_modules(skin.modules[chart.taxels], chart.uv)
+            taxels = chart.taxels[keep]
+            yield Case(
+                part,
+                chart.uv[keep],
+                skin.positions[taxels],
+                skin.modules[taxels],
+                link.vertices,
+                link.faces,
+            )
+
+
+def _some_modules(modules: IntArray, uv: FloatArray) -> FloatArray:
+    names = np.unique(modules)
+    middle = np.array([uv[modules == name].mean(axis=0) for name in names])
+    first = np.random.default_rng(0).integers(len(names))
+    order = np.argsort(np.linalg.norm(middle - middle[first], axis=1))
+    return np.isin(modules, names[order[:MAX_MODULES]])
+
+
+def normalised(error: FloatArray, covariance: FloatArray) -> float:
+    """Mean square of errors (n, 3) in their stated spreads (n, 3, 3): 1 where these are true."""
+    square = np.einsum("ni,nij,nj->n", error, np.linalg.inv(covariance), error)
+    return float(square.mean() / 3)
+
+
+def displaced(
+    middle: FloatArray, rng: np.random.Generator, angle: float, distance: float
+) -> FloatArray:
+    """T (4, 4) that turns by an angle about a random axis through a point, and shifts [m]."""
+    turn, way = unit(rng.normal(size=(2, 3)))
+    return turn_about(middle, Rotation.from_rotvec(angle * turn).as_matrix(), distance * way)
+
+
+def counted(words: Iterable[object]) -> dict[str, int]:
+    """How often each word comes, by its name."""
+    return dict(sorted(Counter(map(str, words)).items()))
+
+
+def far_apart(layout: FloatArray, count: int, rng: np.random.Generator) -> IntArray:
+    """Taxels (count,) of a board, each the furthest from those before."""
+    start = layout[rng.integers(len(layout))]
+    chosen = [int(np.argmax(np.linalg.norm(layout - start, axis=1)))]
+    while len(chosen) < count:
+        gap = np.linalg.norm(layout[:, None] - layout[chosen][None], axis=2).min(axis=1)
+        chosen.append(int(np.argmax(gap)))
+    return np.array(chosen)
+
+
+def simulate_touches(
+    case: Case,
+    count: int,
+    rng: np.random.Generator,
+    *,
+    noise: float,
+    wrong: float = 0.0,
+    dead: float = 0.0,
+    one_module: bool = False,
+) -> list[Touch]:
+    """Touches at random places; `wrong` of them have the place of another taxel."""
+    corners = Delaunay(case.layout).simplices
+    sides = case.layout[corners] - case.layout[np.roll(corners, 1, axis=1)]
+    corners = corners[np.linalg.norm(sides, axis=2).max(axis=1) < TRIANGLE]
+    if one_module:
+        own = case.modules == case.modules[rng.integers(len(case.modules))]
+        corners = corners[own[corners].all(axis=1)]
+    n = len(case.layout)
+    gain = np.exp(rng.normal(0.0, GAIN, n)) * (rng.random(n) >= dead)
+    touches: list[Touch] = []
+    while len(touches) < count:
+        place = rng.dirichlet([1.0] * 3) @ case.truth[corners[rng.integers(len(corners))]]
+        value = gain * np.exp(-np.sum((case.truth - place) ** 2, axis=1) / (2 * FELT**2))
+        felt = np.flatnonzero(value > LEAST)
+        if len(felt) == 0:
+            continue
+        if rng.random() < wrong:
+            place = case.truth[rng.integers(n)]
+        touches.append(Touch(place + rng.normal(0.0, noise, 3), noise, felt, value[felt]))
+    return touches
+
 
 SIDE = 30e-3  # of the triangles that the modules stand in, gaps included [m]
 PITCH = 6.6e-3  # of the ten taxels of a module [m]
 Shape = Callable[[FloatArray, FloatArray], FloatArray]  # arc lengths (n,), (n,) [m] to (n, 3)
 
 
-def tube(bend: float, radius: float = 35e-3, taper: float = 0.0) -> Shape:
+def tube(
+    bend: float, u: FloatArray, v: FloatArray, *, radius: float = 35e-3, taper: float = 0.0
+) -> FloatArray:
     """A tube bent with a radius: u goes round it, v along it; it widens by `taper` a length."""
-
-    def place(u: FloatArray, v: FloatArray) -> FloatArray:
-        a, b = u / radius, v / bend
-        # The side that looks away from the centre of the bend is longer.
-        wide = radius + taper * v
-        arm = bend + wide * np.cos(a)
-        return np.column_stack([arm * np.cos(b) - bend, wide * np.sin(a), arm * np.sin(b)])
-
-    return place
+    a, b = u / radius, v / bend
+    # The side that looks away from the centre of the bend is longer.
+    wide = radius + taper * v
+    arm = bend + wide * np.cos(a)
+    return np.column_stack([arm * np.cos(b) - bend, wide * np.sin(a), arm * np.sin(b)])
 
 
-def section(half: Callable[[FloatArray], FloatArray], length: float) -> Shape:
-    """A straight prism round z: `half` (k,) angles to points (k, 2) [m], of some perimeter."""
+def section(half: Callable[..., FloatArray], *sizes: float) -> Shape:
+    """A straight prism round z: `half` takes sizes and angles (k,) to points (k, 2) [m]."""
     angle = np.linspace(-np.pi, np.pi, 4001)
-    points = half(angle)
+    points = half(*sizes, angle)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     along -= np.interp(0.0, angle, along)
 
@@ -51,66 +167,44 @@ def section(half: Callable[[FloatArray], FloatArray], length: float) -> Shape:
     return place
 
 
-def ellipse(a: float, b: float) -> Shape:
-    """An elliptic cylinder."""
-    return section(lambda t: np.column_stack([a * np.cos(t), b * np.sin(t)]), 2 * np.pi * a)
+def ellipse(a: float, b: float, t: FloatArray) -> FloatArray:
+    """Section (k, 2) of an elliptic cylinder."""
+    return np.column_stack([a * np.cos(t), b * np.sin(t)])
 
 
-def box(a: float, b: float, edge: float) -> Shape:
-    """A flat box with round edges: half widths and the radius of its edges [m]."""
-
-    def half(t: FloatArray) -> FloatArray:
-        way = np.column_stack([np.cos(t), np.sin(t)])
-        core = np.array([a - edge, b - edge])
-        # The point of a rounded box that looks along `way` at its corner, else on its flat side.
-        grown = way * 4.0 * max(a, b)
-        inner = np.clip(grown, -core, core)
-        out = grown - inner
-        return inner + edge * out / np.linalg.norm(out, axis=1, keepdims=True)
-
-    return section(half, 4 * (a + b))
+def box(a: float, b: float, edge: float, t: FloatArray) -> FloatArray:
+    """Section (k, 2) of a flat box with round edges: half widths and the edges' radius [m]."""
+    way = np.column_stack([np.cos(t), np.sin(t)])
+    core = np.array([a - edge, b - edge])
+    # The point of a rounded box that looks along `way` at its corner, else on its flat side.
+    grown = way * 4.0 * max(a, b)
+    inner = np.clip(grown, -core, core)
+    out = grown - inner
+    return inner + edge * out / np.linalg.norm(out, axis=1, keepdims=True)
 
 
-def cone(radius: float, slope: float) -> Shape:
+def cone(radius: float, slope: float, u: FloatArray, v: FloatArray) -> FloatArray:
     """A cone round z whose radius grows by `slope` for each length along it."""
-
-    def place(u: FloatArray, v: FloatArray) -> FloatArray:
-        r = radius + slope * v
-        a = u / radius
-        up = np.sqrt(1.0 - slope**2) * v
-        return np.column_stack([r * np.cos(a), r * np.sin(a), up])
-
-    return place
+    r, a = radius + slope * v, u / radius
+    return np.column_stack([r * np.cos(a), r * np.sin(a), np.sqrt(1.0 - slope**2) * v])
 
 
-def ball(radius: float) -> Shape:
+def ball(radius: float, u: FloatArray, v: FloatArray) -> FloatArray:
     """A ball: u along its equator, v along its meridians."""
-
-    def place(u: FloatArray, v: FloatArray) -> FloatArray:
-        a, b = u / radius, v / radius
-        return radius * np.column_stack([np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)])
-
-    return place
+    a, b = u / radius, v / radius
+    return radius * np.column_stack([np.cos(b) * np.cos(a), np.cos(b) * np.sin(a), np.sin(b)])
 
 
-def saddle(radius: float) -> Shape:
+def saddle(radius: float, u: FloatArray, v: FloatArray) -> FloatArray:
     """A saddle whose two curvatures have this radius at its middle, over x."""
-
-    def place(u: FloatArray, v: FloatArray) -> FloatArray:
-        return np.column_stack([(u**2 - v**2) / (2 * radius), u, v])
-
-    return place
+    return np.column_stack([(u**2 - v**2) / (2 * radius), u, v])
 
 
-def torso(a: float, b: float, tall: float) -> Shape:
+def torso(a: float, b: float, tall: float, u: FloatArray, v: FloatArray) -> FloatArray:
     """A chest: an ellipse that swells and shrinks along its height."""
-
-    def place(u: FloatArray, v: FloatArray) -> FloatArray:
-        swell = 1.0 - 0.25 * (v / tall) ** 2 + 0.06 * np.cos(3 * v / tall)
-        t = u / a
-        return np.column_stack([b * swell * np.cos(t), a * swell * np.sin(t), v])
-
-    return place
+    swell = 1.0 - 0.25 * (v / tall) ** 2 + 0.06 * np.cos(3 * v / tall)
+    t = u / a
+    return np.column_stack([b * swell * np.cos(t), a * swell * np.sin(t), v])
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,22 +241,23 @@ def whole(radius: float) -> tuple[float, float]:
 
 
 HALF = (-0.11, 0.11)
+CYLINDER, TORSO = partial(tube, 1e4, radius=45e-3), partial(torso, 0.11, 0.075, 0.16)
 LINKS = (
-    Link("cylinder", tube(1e4, 45e-3), whole(45e-3), HALF, "fine", 4, 4, False),
-    Link("cylinder, coarse", tube(1e4, 45e-3), whole(45e-3), HALF, "coarse", 2, 8, True),
-    Link("cone", cone(45e-3, 0.25), whole(45e-3), HALF, "noisy", 4, 4, False),
-    Link("ellipse", ellipse(60e-3, 35e-3), (-0.1522, 0.1522), HALF, "fine", 3, 6, True),
-    Link("box", box(60e-3, 32e-3, 14e-3), (-0.16, 0.16), HALF, "fine", 4, 4, True),
-    Link("tube of 150", tube(0.15), whole(35e-3), HALF, "fine", 4, 4, True),
-    Link("tube of 150, noisy", tube(0.15), whole(35e-3), HALF, "noisy", 3, 5, True),
-    Link("tube of 300", tube(0.3), whole(35e-3), HALF, "fine", 3, 8, False),
-    Link("tube of 300, open", tube(0.3), (-0.085, 0.085), HALF, "open", 3, 6, True),
-    Link("tube of 300, coarse", tube(0.3), whole(35e-3), HALF, "coarse", 4, 7, True),
-    Link("tube of 600", tube(0.6), whole(35e-3), HALF, "fine", 3, 7, True),
-    Link("ball", ball(60e-3), whole(60e-3), (-0.094, 0.094), "fine", 3, 5, False),
-    Link("ball of 90, open", ball(90e-3), (-0.14, 0.14), (-0.1, 0.1), "open", 4, 5, True),
-    Link("saddle", saddle(0.12), (-0.09, 0.09), (-0.09, 0.09), "fine", 4, 4, True),
-    Link("torso", torso(0.11, 0.075, 0.16), whole(0.11), (-0.13, 0.13), "noisy", 5, 5, True),
+    Link("cylinder", CYLINDER, whole(45e-3), HALF, "fine", 4, 4, False),
+    Link("cylinder, coarse", CYLINDER, whole(45e-3), HALF, "coarse", 2, 8, True),
+    Link("cone", partial(cone, 45e-3, 0.25), whole(45e-3), HALF, "noisy", 4, 4, False),
+    Link("ellipse", section(ellipse, 60e-3, 35e-3), (-0.1522, 0.1522), HALF, "fine", 3, 6, True),
+    Link("box", section(box, 60e-3, 32e-3, 14e-3), (-0.16, 0.16), HALF, "fine", 4, 4, True),
+    Link("tube of 150", partial(tube, 0.15), whole(35e-3), HALF, "fine", 4, 4, True),
+    Link("tube of 150, noisy", partial(tube, 0.15), whole(35e-3), HALF, "noisy", 3, 5, True),
+    Link("tube of 300", partial(tube, 0.3), whole(35e-3), HALF, "fine", 3, 8, False),
+    Link("tube of 300, open", partial(tube, 0.3), (-0.085, 0.085), HALF, "open", 3, 6, True),
+    Link("tube of 300, coarse", partial(tube, 0.3), whole(35e-3), HALF, "coarse", 4, 7, True),
+    Link("tube of 600", partial(tube, 0.6), whole(35e-3), HALF, "fine", 3, 7, True),
+    Link("ball", partial(ball, 60e-3), whole(60e-3), (-0.094, 0.094), "fine", 3, 5, False),
+    Link("ball of 90, open", partial(ball, 90e-3), (-0.14, 0.14), (-0.1, 0.1), "open", 4, 5, True),
+    Link("saddle", partial(saddle, 0.12), (-0.09, 0.09), (-0.09, 0.09), "fine", 4, 4, True),
+    Link("torso", TORSO, whole(0.11), (-0.13, 0.13), "noisy", 5, 5, True),
 )  # fmt: skip
 EDGE = {"fine": 5e-3, "coarse": 16e-3, "noisy": 5e-3, "open": 6e-3}  # of the mesh [m]
 NOISE = 0.4e-3  # of a noisy mesh's vertices [m]

@@ -17,14 +17,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
 
-from benchmarks.calibration.patches import counted, displaced, normalised
+from benchmarks.calibration.links import counted, displaced, normalised
 from benchmarks.harness.timing import timed
-from calibration.mount.chains import Chain
-from calibration.mount.robot_chains import robot_chain
+from calibration.mount.chains import Chain, robot_chain
 from calibration.plane.contacts import Plane, PlaneContacts
 from calibration.plane.fit import PlaneFit, fit_plane
-from calibration.plane.jointed_robot import Pressing, candidates
-from calibration.plane.poses import Obstacle, pressing_poses
+from calibration.plane.poses import Obstacle, Pressing, candidates, pressing_poses
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.robots.manifest import load_robot

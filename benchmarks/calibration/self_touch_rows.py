@@ -18,12 +18,11 @@ import numpy as np
 from scipy.spatial import KDTree
 
 import skinmap
-from benchmarks.calibration.patches import counted, displaced, normalised
+from benchmarks.calibration.links import counted, displaced, normalised
 from benchmarks.harness.timing import timed
 from calibration.commands.self_touch_words import judge
 from calibration.files.self_touch_files import SelfTouchData
-from calibration.mount.chains import Chain, TouchRecording
-from calibration.mount.robot_chains import robot_chain
+from calibration.mount.chains import Chain, TouchRecording, robot_chain
 from calibration.mount.skin_contacts import SelfTouchFit, known_taxels, self_touch, taxel_covariance
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import rigid_transform, transform_directions, transform_points

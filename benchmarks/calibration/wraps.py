@@ -12,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.calibration.links import family_cases
-from benchmarks.calibration.patches import Case, far_apart, normalised
+from benchmarks.calibration.links import Case, family_cases, far_apart, normalised
 from benchmarks.harness.timing import timed
 from calibration import PatchCalibration, Status, wrap_layout
 from calibration.patch.link_surface import make_target

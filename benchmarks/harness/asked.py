@@ -99,9 +99,7 @@ def _judged(entry: Mapping[str, Any], result: Mapping[str, Any]) -> dict[str, An
         note = "its rows are missing" + (f": {entry['needs']}" if "needs" in entry else "")
     return {
         "key": f"{entry['area']}.{entry['key']}",
-        "area": entry["area"],
-        "what": entry["what"],
-        "unit": entry.get("unit", ""),
+        **{name: entry.get(name, "") for name in ("area", "what", "unit")},
         "bound": bound,
         "asked": limit,
         "got": got,

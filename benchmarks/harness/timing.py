@@ -83,7 +83,7 @@ def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def take_turns(tasks: Mapping[str, Task], rounds: int, *, warm: int = 1) -> dict[str, Times]:
+def take_turns(tasks: Mapping[str, Task], rounds: int) -> dict[str, Times]:
     """Times of each task over rounds in which they take turns.
 
     Parameters
@@ -91,15 +91,12 @@ def take_turns(tasks: Mapping[str, Task], rounds: int, *, warm: int = 1) -> dict
     tasks : mapping of str to callable, or of callable and how often it is called in a turn
         A turn's time is divided by that number.
     rounds : int
-    warm : int
-        Calls of each task before the first round that are not measured.
     """
     table = {name: task if isinstance(task, tuple) else (task, 1) for name, task in tasks.items()}
     cpu: dict[str, list[float]] = {name: [] for name in table}
     wall: dict[str, list[float]] = {name: [] for name in table}
     for run, _ in table.values():
-        for _ in range(warm):
-            run()
+        run()
     for _ in range(rounds):
         for name, (run, repeats) in table.items():
             began, spent = time.perf_counter(), time.process_time()

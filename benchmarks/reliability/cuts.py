@@ -8,7 +8,6 @@ without a word; where it has none that is counted as well.
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import hashlib
 import os
 import signal
@@ -17,11 +16,12 @@ import tempfile
 import time
 import warnings
 from collections import Counter
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from multiprocessing import get_context
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any
 
+import joblib
 import numpy as np
 
 from benchmarks import ROOT
@@ -219,15 +219,11 @@ def trouble(
         Memory beyond `base` that was ever in use since that was taken [MB].
     """
     began, said = time.process_time(), ""
-    before = signal.signal(signal.SIGPROF, _too_much)
-    signal.setitimer(signal.ITIMER_PROF, longest)
     try:
-        target.try_one(data, folder)
+        with _at_most(longest, signal.ITIMER_PROF, signal.SIGPROF):
+            target.try_one(data, folder)
     except Exception as error:  # noqa: BLE001 - what else comes is what is looked for
         said = f"{type(error).__name__}: {error}"
-    finally:
-        signal.setitimer(signal.ITIMER_PROF, 0.0)
-        signal.signal(signal.SIGPROF, before)
     more = peak_mb() - base
     if not said and more > most_mb:
         said = f"memory: {more:.0f} MB more than whole files took"
@@ -243,8 +239,20 @@ def keep(folder: Path, data: bytes) -> Path:
     return path
 
 
-def _too_much(*_: object) -> None:
-    raise TooLongError("too many seconds of CPU for one input")
+@contextlib.contextmanager
+def _at_most(seconds: float, timer: int, number: int) -> Iterator[None]:
+    """A TooLongError in what takes longer by a timer that ends in a signal."""
+
+    def stop(*_: object) -> None:
+        raise TooLongError(f"longer than {seconds:g} s for one input")
+
+    before = signal.signal(number, stop)
+    signal.setitimer(timer, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(timer, 0.0)
+        signal.signal(number, before)
 
 
 def read(target: Target, data: bytes, folder: Path) -> tuple[str, str]:
@@ -257,52 +265,17 @@ def read(target: Target, data: bytes, folder: Path) -> tuple[str, str]:
     """
     path = folder / target.file
     path.write_bytes(data)
-    before = signal.signal(signal.SIGALRM, _too_long)
-    signal.alarm(LONGEST)
-    try:
-        with warnings.catch_warnings(record=True) as told:
-            warnings.simplefilter("always")
-            try:
-                value = target.read(path)
-            except SkinError:
-                return "refused", ""
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+    with (
+        _at_most(LONGEST, signal.ITIMER_REAL, signal.SIGALRM),
+        warnings.catch_warnings(record=True) as told,
+    ):
+        warnings.simplefilter("always")
+        try:
+            value = target.read(path)
+        except SkinError:
+            return "refused", ""
     foreign = [one for one in told if not issubclass(one.category, SkinWarning)]
     if foreign:
         raise RuntimeWarning(f"{foreign[0].category.__name__}: {foreign[0].message}")
     lost = bool(told) or bool(getattr(getattr(value, "loss", None), "recovered", False))
-    return "said" if lost else "whole", fingerprint(value)
-
-
-def _too_long(*_: object) -> None:
-    raise TooLongError(f"longer than {LONGEST} s")
-
-
-def fingerprint(value: object) -> str:
-    """A hash of all numbers and texts in a value, however it is made up."""
-    digest = hashlib.sha256()
-    _feed(value, digest.update, 0)
-    return digest.hexdigest()
-
-
-def _feed(value: object, take: Any, depth: int) -> None:
-    take(f"<{depth}:{type(value).__name__}>".encode())
-    if isinstance(value, np.ndarray) and value.dtype.kind != "O":
-        take(f"{value.dtype}{value.shape}".encode())
-        take(np.ascontiguousarray(value).tobytes())
-    elif isinstance(value, (str, bytes, int, float, complex, np.generic, type(None))):
-        take(repr(value).encode())
-    elif isinstance(value, Mapping):
-        for key in value:
-            take(repr(key).encode())
-            _feed(value[key], take, depth + 1)
-    elif isinstance(value, (list, tuple, set, frozenset, np.ndarray)):
-        for one in sorted(value, key=repr) if isinstance(value, (set, frozenset)) else value:
-            _feed(one, take, depth + 1)
-    elif dataclasses.is_dataclass(value):
-        for field in dataclasses.fields(value):
-            _feed(getattr(value, field.name), take, depth + 1)
-    elif depth < 8 and not isinstance(value, PurePath) and hasattr(value, "__dict__"):
-        _feed(vars(value), take, depth + 1)
+    return "said" if lost else "whole", joblib.hash(value)

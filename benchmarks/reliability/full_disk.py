@@ -6,7 +6,6 @@ A part of `make soak` (ARGS="'full disk'"). The system refuses each file beyond 
 
 from __future__ import annotations
 
-import os
 import resource
 import tempfile
 import warnings
@@ -96,17 +95,13 @@ def refuse(name: str, folder: Path, *, room: int = ROOM) -> dict[str, Any]:
     text = COMMANDS[name].replace("OUT", str(place / "out")).replace("IN.", f"{folder}/in.")
     text = text.replace("MARKS", f"{folder}/marks")
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    cache, os.environ["SKINMAP_CACHE"] = os.environ.get("SKINMAP_CACHE"), "off"
     resource.setrlimit(resource.RLIMIT_FSIZE, (room, before[1]))
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", SkinWarning)
-            ran = CliRunner().invoke(cli, text.split())
+            ran = CliRunner(env={"SKINMAP_CACHE": "off"}).invoke(cli, text.split())
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
-        del os.environ["SKINMAP_CACHE"]
-        if cache is not None:
-            os.environ["SKINMAP_CACHE"] = cache
     error = ran.exception
     said = str(error) if isinstance(error, SkinError) else repr(error)
     left = sorted(str(path.relative_to(place)) for path in place.rglob("*") if path.is_file())

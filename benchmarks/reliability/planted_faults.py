@@ -113,11 +113,11 @@ def touched_channels(made: Made) -> NDArray[np.int64]:
 
 
 def some(made: Made, rng: Rng, most: int = 3) -> NDArray[np.int64]:
-    """A few channels that are touched."""
-    width = made.values.shape[1]
-    return rng.choice(
-        touched_channels(made), int(rng.integers(1, min(most, max(width // 10, 1)) + 1)), False
-    )
+    """A few channels that are touched, which it notes."""
+    count = int(rng.integers(1, min(most, max(made.values.shape[1] // 10, 1)) + 1))
+    own = rng.choice(touched_channels(made), count, False)
+    made.channels = set(own.tolist())
+    return own
 
 
 def rewrite(made: Made, order: NDArray[np.int64], times: NDArray[np.float64] | None = None) -> None:
@@ -209,7 +209,6 @@ def plant_dead(made: Made, rng: Rng) -> None:
     own = some(made, rng)
     level = 0 if rng.random() < 0.5 else np.median(made.values[:, own], axis=0)
     made.values[:, own] = level
-    made.channels = set(own.tolist())
 
 
 def plant_stuck(made: Made, rng: Rng) -> None:
@@ -235,7 +234,6 @@ def plant_noisy(made: Made, rng: Rng) -> None:
     changed = made.values.astype(float)
     changed[:, own] += noise
     made.values = rounded(made, changed)
-    made.channels = set(own.tolist())
 
 
 def rounded(made: Made, values: NDArray[np.float64]) -> NDArray[Any]:
@@ -270,7 +268,6 @@ def plant_quantised(made: Made, rng: Rng) -> None:
     step = float(np.rint(step)) if (made.values == np.rint(made.values)).all() else step
     changed[:, own] = np.rint(changed[:, own] / step) * step
     made.values = rounded(made, changed)
-    made.channels = set(own.tolist())
 
 
 def plant_repeated_id(made: Made, rng: Rng) -> None:
@@ -299,7 +296,6 @@ def plant_sign(made: Made, rng: Rng) -> None:
     if made.values.dtype.kind == "u":
         made.values = made.values.astype(np.int32)
     made.values = rounded(made, values)
-    made.channels = set(own.tolist())
 
 
 def plant_module(made: Made, rng: Rng) -> None:
@@ -326,7 +322,6 @@ def plant_thermal(made: Made, rng: Rng) -> None:
         course = spread * rng.uniform(1, 3) * (t if rng.random() < 0.5 else 1 - np.exp(-4 * t))
         changed[:, c] = np.median(changed[:, c]) + course + rng.normal(0, made.noise * 0.3, len(t))
     made.values = rounded(made, changed)
-    made.channels = set(own.tolist())
 
 
 def plant_drift(made: Made, rng: Rng) -> None:
@@ -355,9 +350,7 @@ def all_or_some(made: Made, rng: Rng) -> NDArray[np.int64]:
     """All channels, or a few, which it notes."""
     if rng.random() < 0.5:
         return np.arange(made.values.shape[1])
-    own = some(made, rng)
-    made.channels = set(own.tolist())
-    return own
+    return some(made, rng)
 
 
 def shift_of(made: Made, rng: Rng) -> float:

@@ -17,7 +17,6 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +24,7 @@ import numpy as np
 
 from benchmarks import ROOT
 from benchmarks.harness.timing import process_table
+from benchmarks.reliability import full_disk
 
 EACH = 3  # stops of each command by each signal
 GONE = 5.0  # seconds until no process may be left
@@ -39,44 +39,18 @@ ENDS = ("before", "under_way", "after", "refused", "done")
 DROP_FROM_BOUNDS, CAP_DAC_OVERRIDE = 24, 1  # of prctl and of the rights of a process, by Linux
 
 
-@dataclass(frozen=True, slots=True)
-class Long:
-    """A long command.
-
-    Attributes
-    ----------
-    words : tuple of str
-        What stands behind `skinmap`; OUT is where the result goes, IN where inputs lie.
-    needs : str
-        Input that is made before: the name of another command here, or "".
-    """
-
-    words: tuple[str, ...]
-    needs: str = ""
-
-
-BOARD = str(ROOT / "docs" / "examples" / "board")
-
-
-def _long(line: str, needs: str = "") -> Long:
-    return Long(tuple(line.split()), needs)
-
-
+# What stands behind `skinmap`: OUT is where the result goes, IN a recording that is made before.
 COMMANDS = {
-    "simulate": _long("simulate kaspar --part left_hand --per-gesture 12 -o OUT.npz"),
-    "train": _long("train IN.npz -o OUT.skinmodel", needs="simulate"),
-    "evaluate": _long("evaluate IN.npz --seeds 1 -o OUT", needs="simulate"),
-    "evaluate --jobs": _long("evaluate IN.npz --seeds 2 --jobs 2 -o OUT", needs="simulate"),
-    "flatten --jobs": _long("flatten icub --part left_hand --part left_foot --jobs 2 -o OUT"),
-    "trade": _long("trade icub --part left_hand --task flatten --seeds 1 -o OUT"),
-    "calibrate batch": _long(f"calibrate batch {BOARD}/patches.csv --jobs 2 -o OUT"),
-    "calibrate plane": _long(
-        f"calibrate plane {BOARD}/plane/presses.npz --robot icub --part right_forearm -o OUT"
-    ),
-    "calibrate selftouch": _long(
-        f"calibrate selftouch {BOARD}/selftouch --robot icub --calibrate left_forearm -o OUT"
-    ),
-    "record": _long("record sim --seconds 2 -o OUT.mcap"),
+    "simulate": "simulate kaspar --part left_hand --per-gesture 12 -o OUT.npz",
+    "train": "train IN.npz -o OUT.skinmodel",
+    "evaluate": "evaluate IN.npz --seeds 1 -o OUT",
+    "evaluate --jobs": "evaluate IN.npz --seeds 2 --jobs 2 -o OUT",
+    "flatten --jobs": "flatten icub --part left_hand --part left_foot --jobs 2 -o OUT",
+    "trade": full_disk.COMMANDS["trade"],
+    "calibrate batch": f"calibrate batch {full_disk.BOARD}/patches.csv --jobs 2 -o OUT",
+    "calibrate plane": full_disk.COMMANDS["calibrate plane"],
+    "calibrate selftouch": full_disk.COMMANDS["calibrate selftouch"],
+    "record": "record sim --seconds 2 -o OUT.mcap",
 }
 
 
@@ -110,16 +84,17 @@ def measure(
 def _of_command(
     name: str, folder: Path, each: int, kinds: Sequence[str], rng: np.random.Generator
 ) -> dict[str, Any]:
-    long = COMMANDS[name]
-    given = input_of(name, folder)
+    words, given = COMMANDS[name], folder / "in.npz"
+    if " IN." in words and not given.exists():
+        wait(start(COMMANDS["simulate"], folder / "in", given))
     began = time.monotonic()
-    running = start(long, folder / "whole", given)
+    running = start(words, folder / "whole", given)
     said, code = wait(running)
     took = time.monotonic() - began
     if code not in (0, 3):
         whole = f"the whole command: exit {code}: {said[-200:]}"
         return {"seconds": took, **dict.fromkeys(ENDS, 0), "faults": [whole]}
-    names = names_of(result_of(long, folder / "whole"))
+    names = names_of(result_of(words, folder / "whole"))
     counts = dict.fromkeys(ENDS, 0)
     faults = []
     for number in range(each):
@@ -129,9 +104,9 @@ def _of_command(
             out = place / "out"
             moment = float(rng.uniform(0.0, took))
             if kind == LOCK:
-                when, fault = lock(long, out, given, moment, names=names)
+                when, fault = lock(words, out, given, moment, names=names)
             else:
-                when, fault = stop(long, out, given, kind, moment, names=names)
+                when, fault = stop(words, out, given, kind, moment, names=names)
             counts[when] += 1
             if fault:
                 faults.append(f"{kind} after {moment:.2f} s: {fault}")
@@ -140,21 +115,13 @@ def _of_command(
     return {"seconds": took, **counts, "faults": faults}
 
 
-def input_of(name: str, folder: Path) -> Path:
-    """The recording that a command needs, made where it is not there yet."""
-    given, needs = folder / "in.npz", COMMANDS[name].needs
-    if needs and not given.exists():
-        wait(start(COMMANDS[needs], folder / "in", given))
-    return given
-
-
-def result_of(long: Long, out: Path) -> Path:
+def result_of(words: str, out: Path) -> Path:
     """Where a command that was told `out` puts its result."""
-    return out.parent / long.words[-1].replace("OUT", out.name)
+    return out.parent / words.split()[-1].replace("OUT", out.name)
 
 
 def stop(
-    long: Long,
+    words: str,
     out: Path,
     given: Path,
     kind: str,
@@ -173,7 +140,7 @@ def stop(
     fault : str
         What was wrong about how it ended, or "".
     """
-    running = start(long, out, given)
+    running = start(words, out, given)
     if reach(running, moment):
         said, _ = wait(running)
         return "after", "" if running.returncode in (0, 3) else f"failed: {said[-200:]}"
@@ -195,7 +162,7 @@ def stop(
         return "under_way", f"{len(left)} processes left after {GONE:g} s"
     if kind != "SIGSTOP" and late > LATE:
         return "under_way", f"went on for {late:.0f} s"
-    result = result_of(long, out)
+    result = result_of(words, out)
     if code == -getattr(signal, kind) and kind != "SIGKILL":  # as any program ends
         when = "after" if result.exists() else "before"
         return when, "" if when == "before" or opens(result, names) else "half a result"
@@ -226,7 +193,7 @@ def _judged(kind: str, code: int, said: str, result: Path, names: frozenset[str]
 
 
 def lock(
-    long: Long,
+    words: str,
     out: Path,
     given: Path,
     moment: float | None = None,
@@ -242,7 +209,7 @@ def lock(
     fault : str
         What was wrong about how it ended, or "".
     """
-    running = start(long, out, given, first=_obey)
+    running = start(words, out, given, first=_obey)
     reach(running, moment)
     folders = [out.parent, *(path for path in out.parent.rglob("*") if path.is_dir())]
     for one in folders:
@@ -254,7 +221,7 @@ def lock(
         for one in folders:
             if one.exists():
                 one.chmod(0o755)
-    result, lines = result_of(long, out), said.strip().splitlines()
+    result, lines = result_of(words, out), said.strip().splitlines()
     fault = ""
     if left:
         fault = f"{len(left)} processes left"
@@ -309,7 +276,7 @@ def opens(result: Path, names: frozenset[str] = frozenset()) -> bool:
 
 
 def start(
-    long: Long, out: Path, given: Path, first: Callable[[], None] | None = None
+    words: str, out: Path, given: Path, first: Callable[[], None] | None = None
 ) -> subprocess.Popen[str]:
     """Begin a command, in a session of its own; `first` runs in the new process before it.
 
@@ -321,13 +288,13 @@ def start(
         if first is not None:
             first()
 
-    words = [
+    every = [
         word.replace("OUT", str(out), 1) if word.startswith("OUT")
         else str(given) if word.startswith("IN") else word
-        for word in long.words
+        for word in words.split()
     ]  # fmt: skip
     return subprocess.Popen(
-        [sys.executable, "-c", SKINMAP, *words], cwd=ROOT, text=True, start_new_session=True,
+        [sys.executable, "-c", SKINMAP, *every], cwd=ROOT, text=True, start_new_session=True,
         stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, preexec_fn=prepare,
         env=os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"},
     )  # fmt: skip

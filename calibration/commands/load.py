@@ -159,9 +159,8 @@ def work(
     *, evidence: tuple[Path, ...], robot: str, part: str | None, area_mm2: float | None
 ) -> tuple[LoadResult, LoadFit, list[Pressed]]:
     """Fit the pressures of a skin."""
-    from calibration.response.area_by_prints import fit_prints
-    from calibration.response.load_by_wrench import fit_wrench
     from calibration.response.load_fit import fit_load
+    from calibration.response.load_references import fit_prints, fit_wrench
     from skinmap.io.recordings.load_evidence import FORCES, PRINTS, check_bar, read_evidence
     from skinmap.skin.skin import fingerprint
     from skinmap.touch.load_calibration import UNEVEN

@@ -26,8 +26,7 @@ from calibration.files.tables import (
 )
 from calibration.patch.link_surface import mesh_notes
 from calibration.patch.patch_calibration import PatchCalibration
-from calibration.patch.touch import Touch, locate_by_touch
-from calibration.patch.wrap import wrap_layout
+from calibration.patch.placing import Touch, locate_by_touch, wrap_layout
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.io.robots.mesh_file import read_mesh

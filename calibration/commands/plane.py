@@ -216,7 +216,7 @@ def work(
 
     from calibration.files.plane_files import read_plane_evidence
     from calibration.plane.fit import fit_plane
-    from calibration.plane.jointed_robot import part_chains
+    from calibration.plane.poses import part_chains
 
     known = read_planes(planes)
     presses = read_plane_evidence(evidence, robot, parts)
@@ -260,7 +260,7 @@ def work(
 
 def _still(robot: Robot, evidence: PlaneEvidence) -> list[str]:
     """Words on joints without angles."""
-    from calibration.plane.jointed_robot import stood_still
+    from calibration.plane.poses import stood_still
 
     still = {
         joint: None
@@ -278,7 +278,7 @@ def _still(robot: Robot, evidence: PlaneEvidence) -> list[str]:
 def _proposed(robot: Robot, presses: PlaneEvidence, fit: PlaneFit) -> list[NextPress]:
     import numpy as np
 
-    from calibration.plane.jointed_robot import candidates, pressing
+    from calibration.plane.poses import candidates, pressing
 
     contacts, joints = presses.contacts, presses.joints
     setup = pressing(robot, tuple(contacts.active), joints, contacts)

@@ -148,7 +148,7 @@ def work(
 
 
 def _write(found: ResponseCalibration, folder: Path) -> list[str]:
-    from calibration.response.response_file import save_response
+    from calibration.response.response import save_response
 
     save_response(found, folder / "response.npz")
     return ["response.npz"]

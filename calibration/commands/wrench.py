@@ -88,8 +88,7 @@ def wrench(touches: Path, units: str, output: Outputs) -> None:
 
     TOUCHES is an .npz file with `points (m, 3)` (middle of the active taxels, in the frame of the
     patch), `frames (m, 4, 4)` (link in the sensor's frame), `forces (m, 3)` [N], `moments (m, 3)`
-    [N m], and perhaps `taxels (n, 3)` of the patch; or a CSV `touch,x,y,z,fx,fy,fz,mx,my,mz`, with
-    `t11` to `t34` (rows of the frame) where the link moves. Without `taxels` no table is written.
+    [N m], and perhaps `taxels (n, 3)` of the patch. Without `taxels` no table is written.
 
     \b
     Example:  skinmap calibrate wrench touches.npz -o out

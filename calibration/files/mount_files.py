@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.files.tables import read_numbers, read_table
+from calibration.files.tables import read_numbers
 from skinmap.archive import open_arrays, quiet_headers
 from skinmap.arrays import FloatArray, IntArray, check_whole
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError
 from skinmap.io.text import check_file
 
 WRENCH = ("points", "frames", "forces", "moments")
-FRAME = tuple(f"t{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3, 4))
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -44,14 +43,12 @@ def read_arrays(path: Path, expected: str) -> dict[str, NDArray[Any]]:
     check_file(path, expected, most_bytes=2**32)
     if path.suffix.lower() == ".csv":
         return {"samples": read_numbers(path, None)}
-    try:
-        if path.suffix.lower() == ".npy":
-            with path.open("rb") as file, quiet_headers():
-                return {"samples": np.asarray(np.lib.format.read_array(file, allow_pickle=False))}
-        with open_arrays(path) as arrays:
+    if path.suffix.lower() != ".npy":
+        with open_arrays(path, expected) as arrays:
             return {name: arrays[name] for name in arrays.files}
-    except DataFormatError:
-        raise
+    try:
+        with path.open("rb") as file, quiet_headers():
+            return {"samples": np.asarray(np.lib.format.read_array(file, allow_pickle=False))}
     except DAMAGED_ARCHIVE as error:
         raise DataFormatError(f"not {expected}: {error}", path) from error
 
@@ -78,21 +75,27 @@ def active_by_event(arrays: Mapping[str, NDArray[Any]], name: str, m: int) -> li
 
 
 def read_wrenches(path: Path, unit: float = 1.0) -> WrenchTouches:
-    """Touches with wrenches from an `.npz` or `.csv` file.
+    """Touches with wrenches from an `.npz` file.
 
-    `.npz`: arrays `points (m, 3)`, `frames (m, 4, 4)`, `forces`, `moments`, and perhaps `taxels
-    (n, 3)`. `.csv`: columns `touch,x,y,z,fx,fy,fz,mx,my,mz`, and where the link moves before its
-    sensor `t11` to `t34`, the rows of each frame. Lengths are in `unit` metres, moments in newton
-    times it.
+    Arrays `points (m, 3)`, `frames (m, 4, 4)`, `forces`, `moments`, and perhaps `taxels (n, 3)`.
+    Lengths are in `unit` metres, moments in newton times it.
 
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, or an array or column is missing or not of numbers.
+        No such file, or an array is missing or not of numbers.
     """
-    found = _wrench_rows(path) if path.suffix.lower() == ".csv" else _wrench_arrays(path)
-    found["frames"][..., :3, 3] *= unit
+    arrays = read_arrays(path, "touches with wrenches (.npz)")
+    _need(arrays, WRENCH, path)
+    try:
+        with np.errstate(over="raise", invalid="raise"):  # of longer floats than ours, of no number
+            found = {name: _real(arrays[name]) for name in arrays}
+        found["frames"][..., :3, 3] *= unit
+    except (ValueError, TypeError, IndexError, FloatingPointError) as error:
+        raise DataFormatError(f"arrays must be numbers: {error}", path) from error
     own = found.get("taxels")
+    if own is not None and (own.ndim != 2 or own.shape[1] != 3):
+        raise DataFormatError(f"taxels must have shape (n, 3), got {own.shape}", path)
     return WrenchTouches(
         found["points"] * unit,
         found["frames"],
@@ -102,42 +105,12 @@ def read_wrenches(path: Path, unit: float = 1.0) -> WrenchTouches:
     )
 
 
-def _wrench_arrays(path: Path) -> dict[str, FloatArray]:
-    arrays = read_arrays(path, "touches with wrenches (.npz or .csv)")
-    _need(arrays, WRENCH, path)
-    try:
-        with np.errstate(over="raise", invalid="raise"):  # of longer floats than ours, of no number
-            found = {name: _real(arrays[name]) for name in arrays}
-        _ = found["frames"][..., :3, 3]
-    except (ValueError, TypeError, IndexError, FloatingPointError) as error:
-        raise DataFormatError(f"arrays must be numbers: {error}", path) from error
-    taxels = found.get("taxels")
-    if taxels is not None and (taxels.ndim != 2 or taxels.shape[1] != 3):
-        raise DataFormatError(f"taxels must have shape (n, 3), got {taxels.shape}", path)
-    return found
-
-
 def _real(values: NDArray[Any]) -> FloatArray:
     if values.dtype.kind == "c":
         raise ValueError("complex ones came")
     found = np.array(values, np.float64)
     found[np.isnan(found)] = np.nan  # those that stop a machine at the first sum become quiet
     return found
-
-
-def _wrench_rows(path: Path) -> dict[str, FloatArray]:
-    needed = ("x", "y", "z", "fx", "fy", "fz", "mx", "my", "mz")
-    column, lines = read_table(path, needed, FRAME, ("touch",))
-    lacks = [name for name in FRAME if name not in column]
-    if 0 < len(lacks) < len(FRAME):
-        raise DataFormatError(f"frames need all of t11 to t34, it lacks {', '.join(lacks)}", path)
-    frames = np.tile(np.eye(4), (len(lines), 1, 1))
-    if not lacks:
-        frames[:, :3] = np.column_stack([column[name] for name in FRAME]).reshape(-1, 3, 4)
-    points, forces, moments = (
-        np.column_stack([column[name] for name in needed[k : k + 3]]) for k in (0, 3, 6)
-    )
-    return {"points": points, "frames": frames, "forces": forces, "moments": moments}
 
 
 def read_samples(path: Path, names: tuple[str, ...] = ("samples",)) -> dict[str, NDArray[Any]]:
@@ -187,7 +160,8 @@ def sign_of(arrays: Mapping[str, NDArray[Any]], path: Path) -> int:
     return int(sign[0])
 
 
-def _need(arrays: dict[str, NDArray[Any]], names: tuple[str, ...], path: Path) -> None:
+def _need(arrays: Mapping[str, NDArray[Any]], names: tuple[str, ...], path: Path) -> None:
+    """Refuse arrays that lack some."""
     lacks = [name for name in names if name not in arrays]
     if lacks:
         raise DataFormatError(

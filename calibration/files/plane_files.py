@@ -12,7 +12,8 @@ A recording (`.mcap`) holds joint angles where its source has them; presses are 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from calibration.files.mount_files import active_by_event, read_arrays
+from calibration.mount.chains import joint_columns
 from calibration.plane.contacts import PlaneContacts
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole
-from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError
+from skinmap.errors import DataFormatError, InvalidArrayError
 from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
@@ -62,8 +64,7 @@ def read_plane_evidence(
         A joint or part that the robot lacks.
     """
     read = [_read(path, robot, parts) for path in paths]
-    joints = read[0].joints
-    whole: PlaneContacts | None = None
+    joints, every = read[0].joints, list[PlaneContacts]()
     for path, one in zip(paths, read, strict=True):
         if set(one.joints) != set(joints):
             raise DataFormatError(
@@ -71,7 +72,6 @@ def read_plane_evidence(
                 f"{', '.join(joints)}",
                 path,
             )
-        columns = [one.joints.index(joint) for joint in joints]
         given = one.contacts
         if set(given.active) != set(read[0].contacts.active):
             raise DataFormatError(
@@ -79,10 +79,9 @@ def read_plane_evidence(
                 f"{', '.join(read[0].contacts.active)}: choose with --part",
                 path,
             )
-        more = PlaneContacts(given.angles[:, columns], given.active, given.surface)
-        whole = more if whole is None else whole.joined(more)
-    assert whole is not None
-    return PlaneEvidence(joints, whole)
+        columns = [one.joints.index(joint) for joint in joints]
+        every.append(replace(given, angles=given.angles[:, columns]))
+    return PlaneEvidence(joints, reduce(PlaneContacts.joined, every))
 
 
 def _read(path: Path, robot: Robot, parts: Sequence[str]) -> PlaneEvidence:
@@ -132,12 +131,7 @@ def _names(given: NDArray[Any], robot: Robot) -> tuple[str, ...]:
     if given.ndim != 1 or given.dtype.kind != "U":
         raise InvalidArrayError(f"joints must be names, got {given.dtype} {given.shape}")
     names = tuple(str(name) for name in given)
-    for name in names:
-        if name not in robot.body.joints:
-            raise UnknownNameError("joint", name, robot.body.joints)
-    twice = [name for name in names if names.count(name) > 1]
-    if twice:
-        raise InvalidArrayError(f"joint {twice[0]!r} is named twice")
+    joint_columns(robot, names)
     return names
 
 

@@ -17,8 +17,7 @@ from calibration.files.self_touch_files import (
     read_touches,
     touch_files,
 )
-from calibration.mount.chains import Chain, TouchRecording
-from calibration.mount.robot_chains import robot_chain
+from calibration.mount.chains import Chain, TouchRecording, robot_chain
 from skinmap.arrays import IntArray
 from skinmap.errors import (
     DataFormatError,

@@ -1,8 +1,10 @@
-"""Tables that come in (boards, anchors, touches) and go out (calibrated taxels)."""
+"""Tables that come in (boards, anchors, touches) and go out (calibrated taxels).
+
+Places of requested touches: a CSV with a row for each point.
+"""
 
 from __future__ import annotations
 
-import csv
 import io
 from array import array
 from collections.abc import Iterator, Sequence
@@ -10,13 +12,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from calibration.patch.touch import Touch
+from calibration.patch.placing import Touch
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError
+from skinmap.errors import DataFormatError, MissingFileError
+from skinmap.geometry.proximity import median_spacing
 from skinmap.io.robots.mesh_file import MESH_SUFFIXES, read_mesh
 from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE
-from skinmap.io.text import MAX_CHANNEL, CsvRows, parse_floats, read_text
+from skinmap.io.text import MAX_CHANNEL, CsvRows, is_file, parse_floats, read_text
 
 CHANNEL = ("channel", "taxel")  # how a first column may be called
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -201,40 +205,31 @@ def read_cells(
     DataFormatError
         A missing or unknown column; and where it is come to, a row of another length, no row.
     """
-    reader = CsvRows(read_text(path))
-    try:
-        names = [cell.strip().lower() for cell in next(reader, [])]
-        others = names[1:] if first and names and names[0] in first else names
-        if (
-            set(needed) - set(others)
-            or set(others) - {*needed, *known}
-            or len(set(names)) < len(names)
-            or (first and others is names)
-        ):
-            raise DataFormatError(
-                f"expected the columns {','.join((*first[:1], *needed))} and perhaps "
-                f"{','.join(known)}, got {','.join(names)[:200]!r}",
-                path,
-                1,
-            )
-    except csv.Error as error:
-        raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
+    reader = CsvRows(read_text(path), path)
+    names = [cell.strip().lower() for cell in next(reader, [])]
+    others = names[1:] if first and names and names[0] in first else names
+    if (
+        set(needed) - set(others)
+        or set(others) - {*needed, *known}
+        or len(set(names)) < len(names)
+        or (first and others is names)
+    ):
+        raise DataFormatError(
+            f"expected the columns {','.join((*first[:1], *needed))} and perhaps "
+            f"{','.join(known)}, got {','.join(names)[:200]!r}",
+            path,
+            1,
+        )
 
     def rows() -> Iterator[tuple[int, list[str]]]:
-        empty = True
-        try:
-            for row in reader:
-                if not row:
-                    continue
-                if len(row) != len(names):
-                    raise DataFormatError(
-                        f"expected {len(names)} columns, got {len(row)}", path, reader.line_num
-                    )
-                empty = False
-                yield reader.line_num, row
-        except csv.Error as error:
-            raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
-        if empty:
+        row = None
+        for row in filter(None, reader):
+            if len(row) != len(names):
+                raise DataFormatError(
+                    f"expected {len(names)} columns, got {len(row)}", path, reader.line_num
+                )
+            yield reader.line_num, row
+        if row is None:
             raise DataFormatError("the table has no row", path, 1)
 
     return names, rows()
@@ -319,3 +314,80 @@ def read_numbers(path: Path, columns: Sequence[str] | None) -> FloatArray:
     if not values or width is None:
         raise DataFormatError("the table has no row", path, 1)
     return np.array(values).reshape(-1, width)
+
+
+PLACED = ("touch", "x", "y", "z")
+SPAN = ("start_s", "end_s")
+FAR = 30e-3  # from the nearest taxel: no place on this skin [m]
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class AskedPlace:
+    """Where one touch was asked for.
+
+    Attributes
+    ----------
+    number : int
+        As the file counts it.
+    path : (p, 3) float
+        [m].
+    span : (float, float) or None
+        When it was made, in the recording's clock [s].
+    """
+
+    number: int
+    path: FloatArray
+    span: tuple[float, float] | None
+
+
+def read_places(path: Path, part: str) -> list[AskedPlace]:
+    """The places of one part, in the order of their numbers.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or not `touch,x,y,z` with perhaps `part`, `start_s` and `end_s`.
+    """
+    if not is_file(path):
+        raise MissingFileError(path, f"places: CSV {','.join(PLACED)}[,part][,start_s,end_s]")
+    names, table = read_cells(path, PLACED, (*SPAN, "part"))
+    timed = [name in names for name in SPAN]
+    if any(timed) != all(timed):
+        raise DataFormatError(f"expected both of {','.join(SPAN)}, or neither", path, 1)
+    wanted = [names.index(name) for name in (*PLACED, *(SPAN if all(timed) else ()))]
+    on = names.index("part") if "part" in names else None
+    found: dict[int, array[float]] = {}
+    for line, row in table:
+        if on is not None and row[on].strip() != part:
+            continue
+        numbers = parse_floats([row[place] for place in wanted], path, line)
+        if numbers[0] != int(numbers[0]):
+            raise DataFormatError(f"touch {row[wanted[0]]!r} is not a whole number", path, line)
+        found.setdefault(int(numbers[0]), array("d")).extend(numbers[1:])
+    if not found:
+        raise DataFormatError(f"no place on {part!r}", path)
+    places = []
+    for number, values in sorted(found.items()):
+        rows = np.array(values).reshape(-1, len(wanted) - 1)
+        span = (float(rows[0, 3]), float(rows[0, 4])) if all(timed) else None
+        places.append(AskedPlace(number, rows[:, :3], span))
+    return places
+
+
+def check_places(places: list[AskedPlace], positions: FloatArray, part: str, path: Path) -> None:
+    """Refuse places that are not on a skin.
+
+    Raises
+    ------
+    DataFormatError
+        Says which touch, and how far off it is.
+    """
+    limit = max(FAR, 3.0 * median_spacing(positions))
+    skin = cKDTree(positions)
+    for place in places:
+        away, _ = skin.query(place.path)
+        if float(away.max()) > limit:
+            raise DataFormatError(
+                f"touch {place.number} is {1e3 * float(away.max()):.0f} mm from the nearest taxel "
+                f"of {part!r}: another part's place, or not in metres", path,
+            )  # fmt: skip

@@ -1,8 +1,11 @@
-"""Arms and heads with skin on them: kinematic chains, and what touched what in which pose."""
+"""Arms and heads with skin on them: kinematic chains, and what touched what in which pose.
+
+Kinematic chains from the URDF of a robot.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,8 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole, freeze
-from skinmap.errors import InvalidArrayError
+from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.rigid import check_transform, rigid_transform, rpy_matrix
+from skinmap.skin.joints import ancestors, check_link
+from skinmap.skin.robot import Robot
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -20,7 +25,7 @@ class Chain:
 
     From the base it takes, in turn, a fixed transform and a joint, and after the last joint one
     more fixed transform to the link. `Chain.from_dh` makes one from rows of Denavit and
-    Hartenberg, `calibration.mount.robot_chains.robot_chain` from a robot's URDF.
+    Hartenberg, `calibration.mount.chains.robot_chain` from a robot's URDF.
 
     Attributes
     ----------
@@ -101,7 +106,6 @@ class Chain:
         joints: ArrayLike,
         mount: ArrayLike | None = None,
         taxels: ArrayLike | None = None,
-        normals: ArrayLike | None = None,
     ) -> Chain:
         """A chain from rows of Denavit and Hartenberg, in the standard convention.
 
@@ -115,7 +119,7 @@ class Chain:
             Column of a recording's angles of each of the last j rows.
         mount : (4, 4) array-like of float, optional
             T_link_patch.
-        taxels, normals : (n, 3) array-like of float, optional
+        taxels : (n, 3) array-like of float, optional
             None for a probe.
         """
         rows = check_finite(np.reshape(np.asarray(dh, np.float64), (-1, 4)), "dh", (None, 4))
@@ -138,7 +142,7 @@ class Chain:
             np.ones(j),
             np.zeros(j),
             T,
-            **known(mount=mount, taxels=taxels, normals=normals),
+            **known(mount=mount, taxels=taxels),
         )
 
     @property
@@ -253,3 +257,127 @@ class TouchRecording:
             None if ids is None else [ids[row] for row in rows] for ids in self.touched
         )
         return TouchRecording(self.name, self.chains, self.angles[rows], (first, second))
+
+
+def robot_chain(
+    robot: Robot,
+    link: str,
+    joint_names: Sequence[str],
+    *,
+    base: str | None = None,
+    held: Mapping[str, float] | None = None,
+    name: str | None = None,
+    mount: ArrayLike | None = None,
+    taxels: ArrayLike | None = None,
+    normals: ArrayLike | None = None,
+) -> Chain:
+    """The chain from one link of a robot to another.
+
+    Parameters
+    ----------
+    robot : Robot
+        As `skinmap.load_robot` returns it.
+    link : str
+        Where the chain ends.
+    joint_names : sequence of str
+        Joints of the robot in the order of a recording's columns; those that the chain does not
+        pass may be among them.
+    base : str, optional
+        Where the chain begins, any link of the body; its root by default. The way leads up to the
+        common ancestor and down from there.
+    held : mapping of str to float, optional
+        Angles [rad or m] of joints that no column tells, as they stood all the time.
+    name : str, optional
+        The link's by default.
+    mount : (4, 4) array-like of float, optional
+        T_link_patch.
+    taxels, normals : (n, 3) array-like of float, optional
+        Positions in the patch [m], and outward directions there; none for a probe.
+
+    Returns
+    -------
+    Chain
+        Of the joints that it passes.
+
+    Raises
+    ------
+    UnknownNameError
+        A link or joint that the body lacks (names those that exist).
+    InvalidArrayError
+        A joint that the chain passes and neither `joint_names` nor `held` names, or one that is
+        named twice.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> from calibration import robot_chain
+    >>> joints = ["right_shoulder_pitch", "right_shoulder_roll", "right_elbow", "right_wrist"]
+    >>> chain = robot_chain(skinmap.load_robot("kaspar"), "right_hand", joints)
+    >>> chain.name, len(chain.joints)
+    ('right_hand', 4)
+    """
+    tree, links = robot.body.tree, robot.body.links
+    start = check_link(links, ancestors(tree, links[0])[-1] if base is None else base)
+    columns, still = joint_columns(robot, joint_names), dict(held or {})
+    for own in still:
+        _check_joint(robot, own)
+    up, down = ancestors(tree, start), ancestors(tree, check_link(links, link))
+    shared = next(one for one in up if one in down)
+    # On the way up a joint's angle counts the other way round.
+    way = [(tree[one], -1.0) for one in up[: up.index(shared)]]
+    way += [(tree[one], 1.0) for one in reversed(down[: down.index(shared)])]
+    T: FloatArray = np.eye(4)  # since the last joint
+    # Of each joint: the transform before it, axis, sliding, column, factor and shift.
+    passed = list[tuple[FloatArray, FloatArray, bool, int, float, float]]()
+    unknown = list[str]()
+    for joint, sign in way:
+        T = T @ joint.T_parent_joint if sign > 0 else T
+        slides, driver = joint.kind == "slides", joint.driver
+        if joint.kind == "fixed":
+            pass
+        elif driver in columns:
+            shift = sign * joint.offset
+            passed.append((T, joint.axis, slides, columns[driver], sign * joint.factor, shift))
+            T = np.eye(4)
+        elif not driver or driver in still:
+            angle = np.array([sign * (joint.factor * still.get(driver, 0.0) + joint.offset)])
+            axis = joint.axis if slides else joint.axis / np.linalg.norm(joint.axis)
+            T = T @ joint_transform(axis, angle, sliding=slides)[0]
+        else:
+            unknown.append(driver)
+        T = T @ np.linalg.inv(joint.T_parent_joint) if sign < 0 else T
+    if unknown:
+        raise InvalidArrayError(
+            f"the chain from {start!r} to {link!r} passes joints whose angles are not given: "
+            f"{', '.join(dict.fromkeys(unknown))}; given are: {', '.join(columns) or 'none'}"
+        )
+    before, axes, sliding, numbers, factors, shifts = [*zip(*passed, strict=True)] or [()] * 6
+    j, given = len(numbers), known(mount=mount, taxels=taxels, normals=normals)
+    return Chain(
+        link if name is None else name,
+        np.array(before).reshape(j, 4, 4),
+        np.array(axes).reshape(j, 3),
+        np.array(sliding, np.bool_),
+        np.array(numbers, np.int64),
+        np.array(factors, np.float64),
+        np.array(shifts, np.float64),
+        T,
+        **given,
+    )
+
+
+def _check_joint(robot: Robot, joint: str) -> None:
+    if joint not in robot.body.joints:
+        raise UnknownNameError("joint", joint, robot.body.joints)
+
+
+def joint_columns(robot: Robot, joint_names: Sequence[str]) -> dict[str, int]:
+    """Column of each joint of a robot, none of them unknown or named twice."""
+    columns: dict[str, int] = {}
+    for column, joint in enumerate(joint_names):
+        _check_joint(robot, joint)
+        if joint in columns:
+            raise InvalidArrayError(f"joint {joint!r} is named twice, as column {columns[joint]}"
+                                    f" and {column}")  # fmt: skip
+        columns[joint] = column
+    return columns

@@ -30,12 +30,13 @@ from calibration.mount.chain_fit import (
     JOINT_SIGMA,
     ChainFit,
     ChainState,
+    Contacts,
     Information,
     Unknowns,
+    contacts_of,
     misses,
 )
 from calibration.mount.chains import Chain, TouchRecording
-from calibration.mount.pairing import Contacts, contacts_of
 from calibration.mount.rigid_mount import point_covariance
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, UnknownNameError

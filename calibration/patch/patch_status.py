@@ -10,10 +10,15 @@ from scipy.spatial import ConvexHull
 from scipy.special import chdtri
 
 from calibration.patch.board import SCALE, chords, facing
-from calibration.patch.leave_one_out import LeftOut, leave_one_out
 from calibration.patch.link_surface import Target
 from calibration.patch.minima import Minimum
-from calibration.patch.patch_calibration import Doubt, PatchCalibration, Status
+from calibration.patch.patch_calibration import (
+    Doubt,
+    LeftOut,
+    PatchCalibration,
+    Status,
+    leave_one_out,
+)
 from calibration.patch.sheet_model import ROUGHLY, Evidence
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.proximity import median_spacing

@@ -9,8 +9,8 @@ from calibration.response.load_fit import fit_load as fit_load
 from calibration.response.response import DriftTracker as DriftTracker
 from calibration.response.response import Health as Health
 from calibration.response.response import ResponseCalibration as ResponseCalibration
-from calibration.response.response_file import load_response as load_response
-from calibration.response.response_file import save_response as save_response
+from calibration.response.response import load_response as load_response
+from calibration.response.response import save_response as save_response
 from skinmap.touch.load_calibration import LoadCalibration as LoadCalibration
 
 __all__ = [

@@ -1,9 +1,15 @@
-"""Response of a skin: baseline, noise, threshold, gain and health of each taxel."""
+"""Response of a skin: baseline, noise, threshold, gain and health of each taxel.
+
+Files of response calibrations: a zip of plain arrays with a head in JSON.
+"""
 
 from __future__ import annotations
 
+import io
+import json
 from dataclasses import dataclass
 from enum import StrEnum
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -17,8 +23,17 @@ from calibration.response.gain import (
     fit_gain,
     lag_of,
 )
+from skinmap.archive import open_arrays
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
-from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.errors import (
+    DAMAGED_ARCHIVE,
+    DataFormatError,
+    InvalidArrayError,
+    MissingFileError,
+    SkinMismatchError,
+    UnknownNameError,
+)
+from skinmap.io.output import staged_file
 from skinmap.summary import Summary
 
 RATE = 50.0  # samples a second
@@ -494,3 +509,95 @@ class DriftTracker:
         drawn = np.bincount(self._module, heavy * np.clip(move, -limit, limit), minlength=count)
         everywhere = drawn.sum() / max(float(total.sum()), 1.0)
         return np.where(total >= FREE_CHANNELS, drawn / np.maximum(total, 1.0), everywhere)
+
+
+FORMAT = "skinmap-response-1"
+HEAD = {"sign": int, "rate": float, "fingerprint": str}
+ARRAYS = ("baseline", "noise", "threshold", "modules", "thermal")  # the last two perhaps
+
+
+def save_response(response: ResponseCalibration, path: Path) -> None:
+    """Write a response calibration; a failure leaves what was there.
+
+    Parameters
+    ----------
+    response : ResponseCalibration
+    path : Path
+        A file ending in .npz.
+
+    Examples
+    --------
+    >>> import numpy as np, tempfile
+    >>> from pathlib import Path
+    >>> from calibration.response import ResponseCalibration, save_response
+    >>> rest = np.random.default_rng(0).normal(40.0, 1.0, (100, 12))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_response(ResponseCalibration.fit(rest), Path(folder) / "response.npz")
+
+    Raises
+    ------
+    OutputError
+        The file cannot be written.
+    """
+    given = {name: getattr(response, name) for name in ARRAYS}
+    arrays: dict[str, Any] = {name: own for name, own in given.items() if own is not None}
+    head = {name: getattr(response, name) for name in HEAD} | {"health": response.health.tolist()}
+    arrays["head"] = np.frombuffer(json.dumps({"format": FORMAT, **head}).encode(), np.uint8)
+    if response.gain is not None:
+        arrays |= {"gain_loads": response.gain.knots, "gain_counts": response.gain.counts}
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)
+    with staged_file(path) as stage:
+        stage.write_bytes(buffer.getvalue())
+
+
+def load_response(path: Path, *, fingerprint: str = "") -> ResponseCalibration:
+    """Read what `save_response` wrote, for the skin of a fingerprint where it is given.
+
+    Parameters
+    ----------
+    path : Path
+    fingerprint : str
+        Of the skin that it is to be used for; empty where that is not known.
+
+    Returns
+    -------
+    ResponseCalibration
+        As it was saved.
+
+    Examples
+    --------
+    >>> import numpy as np, tempfile
+    >>> from pathlib import Path
+    >>> from calibration.response import ResponseCalibration, load_response, save_response
+    >>> rest = np.random.default_rng(0).normal(40.0, 1.0, (100, 12))
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     save_response(ResponseCalibration.fit(rest, rate=100.0), Path(folder) / "r.npz")
+    ...     load_response(Path(folder) / "r.npz").rate
+    100.0
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, or not one of ours.
+    SkinMismatchError
+        Calibrated was another skin.
+    """
+    if not path.is_file():
+        raise MissingFileError(path, "a response calibration")
+    try:
+        with open_arrays(path) as arrays:
+            head = json.loads(arrays["head"].tobytes())
+            if head["format"] != FORMAT:
+                raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
+            known: dict[str, Any] = {name: kind(head[name]) for name, kind in HEAD.items()}
+            known |= {name: arrays.get(name) for name in ARRAYS}
+            if "gain_loads" in arrays:
+                known["gain"] = Gain(arrays["gain_loads"], arrays["gain_counts"])
+            response = ResponseCalibration(**known, health=np.array(head["health"], dtype="<U13"))
+    except DAMAGED_ARCHIVE as error:
+        if isinstance(error, DataFormatError):
+            raise
+        raise DataFormatError(f"not a response calibration: {error}", path) from error
+    response.check_skin(fingerprint)
+    return response

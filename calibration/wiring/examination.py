@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy.spatial import cKDTree
 
-from calibration.files.asked_places import check_places, read_places
+from calibration.files.tables import check_places, read_places
 from calibration.wiring.answer_model import THRESHOLD
 from calibration.wiring.boards import Boards, boards_of
 from calibration.wiring.doctor import CLEAR, Doctor

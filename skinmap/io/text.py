@@ -87,11 +87,14 @@ class CsvRows:
     ----------
     text : str
         Its first line tells whether `;` or tabs part the columns; then `0,5` in a cell is 0.5.
+    path : Path
+        For messages: what is not CSV raises DataFormatError.
     """
 
-    def __init__(self, text: str) -> None:
+    def __init__(self, text: str, path: Path) -> None:
         head = text[: text.find("\n")] if "\n" in text else text
         delimiter = next((one for one in (",", ";", "\t") if one in head), ",")
+        self._path = path
         self._commas = delimiter != ","  # are decimal ones
         self._rows = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
 
@@ -104,7 +107,10 @@ class CsvRows:
         return self
 
     def __next__(self) -> list[str]:
-        row = next(self._rows)
+        try:
+            row = next(self._rows)
+        except csv.Error as error:
+            raise DataFormatError(f"not CSV: {error}", self._path, self.line_num) from None
         if not self._commas:
             return row
         return [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in row]

@@ -15,7 +15,7 @@ import skinmap
 from benchmarks.calibration.self_touch_rows import world
 from calibration.commands.self_touch_words import judge, notes_of
 from calibration.files.self_touch_files import SelfTouchData, load_part_touches
-from calibration.mount.robot_chains import robot_chain
+from calibration.mount.chains import robot_chain
 from calibration.mount.skin_contacts import self_touch
 from skinmap.arrays import FloatArray
 from skinmap.io.robots.urdf import UrdfBody

@@ -13,9 +13,8 @@ from calibration import Chain, Plane, PlaneContacts, fit_plane, robot_chain
 from calibration.commands import calibrate
 from calibration.commands.plane import read_planes
 from calibration.files.plane_files import read_plane_evidence
-from calibration.plane.jointed_robot import candidates, pressing
 from calibration.plane.model import PlaneProblem, patch_of
-from calibration.plane.poses import pressing_poses
+from calibration.plane.poses import candidates, pressing, pressing_poses
 from calibration.plane.solve import first_states
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.rigid import tangent_frames, transform_points

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 import skinmap
-from calibration.mount.chains import Chain
-from calibration.mount.robot_chains import robot_chain
+from calibration.mount.chains import Chain, robot_chain
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.io.robots.urdf import UrdfBody
 from skinmap.skin.joints import common_ancestor

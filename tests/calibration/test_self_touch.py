@@ -13,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from calibration import self_touch
 from calibration.commands import calibrate
 from calibration.files.self_touch_files import load_part_touches
+from calibration.mount.chain_fit import side_of
 from calibration.mount.chains import Chain, TouchRecording
-from calibration.mount.pairing import side_of
 from calibration.mount.skin_contacts import taxel_covariance
 from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError

@@ -7,9 +7,8 @@ import pytest
 
 from calibration import Status, Touch, locate_by_touch
 from calibration.patch.board import make_board
-from calibration.patch.diagnosis import consistent
 from calibration.patch.link_surface import make_target
-from calibration.patch.touch import check_touches
+from calibration.patch.placing import check_touches, consistent
 from skinmap.errors import InvalidArrayError
 
 

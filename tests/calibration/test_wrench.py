@@ -9,7 +9,6 @@ from scipy.spatial.transform import Rotation
 
 from calibration import fit_wrench
 from calibration.commands import calibrate
-from calibration.files.mount_files import read_wrenches
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.taxels.taxel_table import read_taxels
@@ -165,58 +164,24 @@ def test_bad_files_are_named(tmp_path):
     fails(DataFormatError, "not touches", "wrench", tmp_path / "text.npz")
 
 
-def as_csv(data, path, *, frames=True):
-    """The same touches as a table with all digits."""
-    points, T, forces, moments = data
-    columns = ["touch", "x", "y", "z", "fx", "fy", "fz", "mx", "my", "mz"]
-    values = [np.arange(len(points))[:, None], points, forces, moments]
-    if frames:
-        columns += [f"t{row}{column}" for row in (1, 2, 3) for column in (1, 2, 3, 4)]
-        values.append(T[:, :3].reshape(-1, 12))
-    rows = [",".join(map(repr, row)) for row in np.column_stack(values).tolist()]
-    path.write_text("\n".join([",".join(columns), *rows]) + "\n")
-
-
-def test_wrench_reads_csv_as_it_reads_npz(rng, tmp_path):
+def test_wrench_without_taxels_writes_the_mount_alone(rng, tmp_path):
     _, data = presses(rng)
-    as_csv(data, tmp_path / "touches.csv")
     np.savez(tmp_path / "touches.npz", **dict(zip(WRENCH_NAMES, data, strict=True)))
-    mounts = []
-    for name in ("touches.csv", "touches.npz"):
-        out = tmp_path / name.replace(".", "_")
-        words = [tmp_path / name, "-o", out]
-        result = CliRunner().invoke(calibrate, ["wrench", *map(str, words), "--json"])
-        assert result.exit_code == 0, result.output
-        found = json.loads(result.stdout)
-        assert found["files"] == ["mounts.json", "report.html"]
-        assert "long axis" in found["weakest"] or "lifts" in found["weakest"]
-        assert (out / "report.html").read_text().count("data:image/png;base64,") == 1
-        mounts.append(found["mount"])
-    assert mounts[0] == mounts[1]
+    words = [tmp_path / "touches.npz", "-o", tmp_path / "out"]
+    result = CliRunner().invoke(calibrate, ["wrench", *map(str, words), "--json"])
+    assert result.exit_code == 0, result.output
+    found = json.loads(result.stdout)
+    assert found["files"] == ["mounts.json", "report.html"]
+    assert "long axis" in found["weakest"] or "lifts" in found["weakest"]
+    assert (tmp_path / "out" / "report.html").read_text().count("data:image/png;base64,") == 1
 
 
-def test_wrench_names_what_is_wrong_in_a_csv(rng, tmp_path):
-    _, data = presses(rng, 12)
-    path = tmp_path / "touches.csv"
-    as_csv(data, path)
-    good = path.read_text()
-    lines = good.splitlines()
-    cases = {
-        "missing column": (good.replace(",mz", ",mm", 1), "expected the columns touch,x,y,z"),
-        "half a frame": (
-            "\n".join(line.rsplit(",", 1)[0] for line in lines), "it lacks t34"
-        ),
-        "a short row": ("\n".join([*lines[:3], lines[3] + ",1"]), r"touches.csv:4: expected 22"),
-        "nan": (good.replace(lines[2].split(",")[1], "nan"), r"touches.csv:3: expected a finite"),
-    }  # fmt: skip
-    for name, (text, message) in cases.items():
-        path.write_text(text)
-        with pytest.raises(DataFormatError, match=message):
-            read_wrenches(path)
-            pytest.fail(name)
-    T = data[1].copy()
+def test_wrench_names_frames_that_are_not_rigid(rng, tmp_path):
+    _, (points, T, forces, moments) = presses(rng, 12)
+    T = T.copy()
     T[[3, 5], 0, 0] += 0.5
-    as_csv((data[0], T, *data[2:]), path)
+    path = tmp_path / "touches.npz"
+    np.savez(path, points=points, frames=T, forces=forces, moments=moments)
     result = CliRunner().invoke(calibrate, ["wrench", str(path)])
     assert isinstance(result.exception, InvalidArrayError)
     assert "rows 3, 5" in str(result.exception)

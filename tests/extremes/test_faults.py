@@ -11,7 +11,7 @@ import pytest
 from click.testing import CliRunner
 
 from benchmarks.reliability import full_disk, stops
-from benchmarks.reliability.page import by_hand
+from benchmarks.reliability.soak import by_hand
 from skinmap.cli.main import cli
 
 ROOT = Path(__file__).parents[2]
@@ -32,8 +32,8 @@ def test_the_judge_of_full_disks_sees_a_result_that_was_written(tmp_path):
 
 @pytest.mark.parametrize("kind", ["SIGINT", "SIGTERM"])
 def test_a_command_that_is_stopped_says_so_and_leaves_nothing(tmp_path, kind):
-    words = ("simulate", "kaspar", "--per-gesture", "1000", "-o", "OUT.npz")  # minutes of work
-    assert stops.stop(stops.Long(words), tmp_path / "out", Path(), kind) == ("under_way", "")
+    words = "simulate kaspar --per-gesture 1000 -o OUT.npz"  # minutes of work
+    assert stops.stop(words, tmp_path / "out", Path(), kind) == ("under_way", "")
     assert not list(tmp_path.iterdir())
 
 
@@ -56,8 +56,8 @@ def test_the_judge_of_stops_sees_a_folder_that_lacks_a_file(tmp_path):
 def test_commands_that_are_stopped_listen_where_this_program_does_not(tmp_path):
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
-        words = ("simulate", "kaspar", "--per-gesture", "1000", "-o", "OUT.npz")
-        assert stops.stop(stops.Long(words), tmp_path / "out", Path(), "SIGINT")[1] == ""
+        words = "simulate kaspar --per-gesture 1000 -o OUT.npz"
+        assert stops.stop(words, tmp_path / "out", Path(), "SIGINT")[1] == ""
     finally:
         signal.signal(signal.SIGINT, before)
 

@@ -101,9 +101,9 @@ def test_a_table_saved_by_a_spreadsheet_is_read(tmp_path, mark, end, comma):
 
 
 def test_a_decimal_comma_is_one_only_between_semicolons(tmp_path):
-    rows = CsvRows('name;x\n"poke, hard";0,5\n1,5e-3;"1,2,3"\n')
+    rows = CsvRows('name;x\n"poke, hard";0,5\n1,5e-3;"1,2,3"\n', tmp_path)
     assert list(rows) == [["name", "x"], ["poke, hard", "0.5"], ["1.5e-3", "1,2,3"]]
-    assert list(CsvRows('a,b\n"0,5",1;2\n')) == [["a", "b"], ["0,5", "1;2"]]
+    assert list(CsvRows('a,b\n"0,5",1;2\n', tmp_path)) == [["a", "b"], ["0,5", "1;2"]]
 
 
 def test_read_csv_refuses_what_is_not_text(tmp_path):

@@ -10,6 +10,7 @@ errors of 1 mm in each coordinate, the scan of 0.7 mm. The files are the same wi
 from __future__ import annotations
 
 import sys
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ sys.path.insert(0, str(HERE.parents[2]))
 from scipy.spatial.transform import Rotation  # noqa: E402
 
 from benchmarks.calibration import links  # noqa: E402
-from benchmarks.calibration.patches import Case, far_apart, simulate_touches  # noqa: E402
+from benchmarks.calibration.links import Case, far_apart, simulate_touches  # noqa: E402
 from skinmap.arrays import FloatArray, IntArray  # noqa: E402
 from skinmap.geometry.triangles import face_normals  # noqa: E402
 
@@ -30,7 +31,14 @@ HEIGHT = 0.5e-3  # of the taxels above the mesh [m]
 ANCHORS, TOUCHES, PRESSES, POINTS = 6, 24, 60, 2500
 WRONG = 12e-3  # how far the misplaced anchor is off [m]
 BOARD = links.Link(
-    "bent horn", links.tube(0.3, taper=0.08), links.whole(35e-3), (-0.11, 0.11), "open", 4, 4, True
+    "bent horn",
+    partial(links.tube, 0.3, taper=0.08),
+    links.whole(35e-3),
+    (-0.11, 0.11),
+    "open",
+    4,
+    4,
+    True,
 )
 
 

@@ -202,11 +202,8 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
         No such file, missing columns, and of a line: no number, an unknown part, an end before
         its beginning, no sample, a label that nobody can use, or a touch that overlaps another.
     """
-    reader = CsvRows(read_text(path))
-    try:
-        return Marks(tuple(_checked(reader, path, before, times, parts)))
-    except csv.Error as error:
-        raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
+    rows = CsvRows(read_text(path), path)
+    return Marks(tuple(_checked(rows, path, before, times, parts)))
 
 
 def _checked(

@@ -10,7 +10,6 @@ Taxel-table readers by name and file suffix, with plug-ins.
 
 from __future__ import annotations
 
-import csv
 import warnings
 from array import array
 from collections.abc import Callable
@@ -49,43 +48,38 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
     DataFormatError
         As for `read_csv`.
     """
-    reader = CsvRows(text)
+    reader = CsvRows(text, path)
     values = array("d")  # a list of lists would take ten times the file's size
-    try:
-        header = next(reader, None)
-        names = tuple(cell.strip().lower() for cell in header or ())
-        twice = [one for one in COLUMNS if names.count(one) > 1]
-        if twice or not {*POSITION} <= {*names}:
-            came = ",".join(header)[:200] if header is not None else "an empty file"
-            raise DataFormatError(
-                f"expected the header {','.join(COLUMNS)} (only x,y,z are needed), got {came!r}",
-                path,
-                1,
-            )
-        places = [(COLUMNS.index(one), at) for at, one in enumerate(names) if one in COLUMNS]
-        others = [one for one in names if one and one not in (*COLUMNS, *COVARIANCE)]
-        if others:
-            rows = "" if COLUMNS[0] in names else "; without `channel`, rows are numbered from 0"
-            warnings.warn(
-                f"{path.name}: columns that are not read: {first_few(others)[:200]}{rows}",
-                SkinWarning,
-                stacklevel=2,
-            )
-        for row in reader:
-            if row:  # without a channel: its row; without a module or a normal: zeros
-                whole = [float(len(values) // len(COLUMNS)), *[0.0] * (len(COLUMNS) - 1)]
-                line = reader.line_num
-                if len(row) != len(names):
-                    raise DataFormatError(
-                        f"expected {len(names)} columns, got {len(row)}", path, line
-                    )
-                numbers = parse_floats([row[at] for _, at in places], path, line)
-                for (place, _), number in zip(places, numbers, strict=True):
-                    whole[place] = number
-                _check_numbers(whole, path, line)
-                values.extend(whole)
-    except csv.Error as error:
-        raise DataFormatError(f"not CSV: {error}", path, reader.line_num) from None
+    header = next(reader, None)
+    names = tuple(cell.strip().lower() for cell in header or ())
+    twice = [one for one in COLUMNS if names.count(one) > 1]
+    if twice or not {*POSITION} <= {*names}:
+        came = ",".join(header)[:200] if header is not None else "an empty file"
+        raise DataFormatError(
+            f"expected the header {','.join(COLUMNS)} (only x,y,z are needed), got {came!r}",
+            path,
+            1,
+        )
+    places = [(COLUMNS.index(one), at) for at, one in enumerate(names) if one in COLUMNS]
+    others = [one for one in names if one and one not in (*COLUMNS, *COVARIANCE)]
+    if others:
+        rows = "" if COLUMNS[0] in names else "; without `channel`, rows are numbered from 0"
+        warnings.warn(
+            f"{path.name}: columns that are not read: {first_few(others)[:200]}{rows}",
+            SkinWarning,
+            stacklevel=2,
+        )
+    for row in reader:
+        if row:  # without a channel: its row; without a module or a normal: zeros
+            whole = [float(len(values) // len(COLUMNS)), *[0.0] * (len(COLUMNS) - 1)]
+            line = reader.line_num
+            if len(row) != len(names):
+                raise DataFormatError(f"expected {len(names)} columns, got {len(row)}", path, line)
+            numbers = parse_floats([row[at] for _, at in places], path, line)
+            for (place, _), number in zip(places, numbers, strict=True):
+                whole[place] = number
+            _check_numbers(whole, path, line)
+            values.extend(whole)
     if not values:
         raise DataFormatError("the table has no taxel", path, 1)
     table = np.frombuffer(values).reshape(-1, len(COLUMNS))

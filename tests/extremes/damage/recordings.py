@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from calibration.files.asked_places import read_places
 from calibration.files.mount_files import read_arrays, read_samples, read_wrenches
 from calibration.files.plane_files import read_plane_evidence
 from calibration.files.robot_touches import load_robot_touches
 from calibration.files.self_touch_files import load_part_touches, read_probes
+from calibration.files.tables import read_places
 from calibration.response import ResponseCalibration, load_response, save_response
 from skinmap import load_robot
 from skinmap.disk_cache import Cache
@@ -240,9 +240,6 @@ def wrenches() -> bytes:
                   moments=rng.normal(size=(3, 3)), taxels=rng.normal(size=(4, 3)))  # fmt: skip
 
 
-WRENCH = b"touch,x,y,z,fx,fy,fz,mx,my,mz\n0,1,2,3,0,0,1,0.1,0.2,0\n1,2,2,3,0,1,0,0,0.2,0.1\n"
-
-
 MAPPING = b'robot = "kaspar"\npart = "left_hand"\nlabel = "poke"\nrest_percentile = 25\n'
 MARKS = b"part,event,began_s,ended_s,label\na,0,0.1,0.2,poke\na,1,0.3,0.4,rub\n"
 
@@ -387,7 +384,7 @@ TARGETS = [
           load_classifier, ("skinmap.recognition.model_file.load_classifier",
            "skinmap.recognition.model_file.read_model")),
     *both("response", "t.npz", lambda: [response()], load_response,
-          ("calibration.response.response_file.load_response",)),
+          ("calibration.response.response.load_response",)),
     *both("self-touch", "A_B.npz", lambda: [self_touch()], lambda p: load_part_touches([p]),
           ("calibration.files.self_touch_files.load_part_touches",
            "calibration.files.self_touch_files.read_touches",
@@ -400,13 +397,12 @@ TARGETS = [
     *both("presses", "p.npz", lambda: [presses()], lambda p: read_plane_evidence([p], arm()),
           ("calibration.files.plane_files.read_plane_evidence",)),
     Target("places", "places.csv", lambda: [PLACES], lambda p: read_places(p, "forearm"),
-           ("calibration.files.asked_places.read_places",)),
+           ("calibration.files.tables.read_places",)),
     *both("self-touch-part", "part_A.npz", lambda: [part(0)],
           lambda p: load_part_touches([p.with_name("A_B.npz")]), (),
           {"A_B.npz": self_touch, "part_B.npz": lambda: part(1)}),
     *both("wrenches", "w.npz", lambda: [wrenches()], read_wrenches,
           ("calibration.files.mount_files.read_wrenches",)),
-    Target("wrenches-csv", "w.csv", lambda: [WRENCH], read_wrenches),
     *both("arrays", "s.npz", lambda: [zipped(samples=values(), loads=values())],
           lambda p: read_samples(p, ("samples", "loads")),
           ("calibration.files.mount_files.read_samples",

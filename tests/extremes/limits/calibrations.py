@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from calibration import wrap_layout
-from calibration.patch.touch import Touch, locate_by_touch
+from calibration.patch.placing import Touch, locate_by_touch
 from calibration.response import ResponseCalibration
 from calibration.scan.registration import _check_scan
 from skinmap.errors import InvalidArrayError, SkinMismatchError
