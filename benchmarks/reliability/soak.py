@@ -19,7 +19,7 @@ from benchmarks.harness.record import RESULTS, afresh, commit
 from benchmarks.live import live, live_memory, recordings
 from benchmarks.reliability import cuts, full_disk, large, stops
 from benchmarks.reliability.page import rows
-from benchmarks.viewer import page_soak, viewer_soak
+from benchmarks.viewer import viewer_soak
 
 FILE = RESULTS / "reliability.json"
 COVERAGE = cuts.CORPUS / "counts.json"
@@ -116,7 +116,7 @@ PARTS: dict[str, Part] = {
     "window": lambda quick: _long(
         viewer_soak.soak_torso, 500 if quick else UPDATES, MOST_WINDOW_MB
     ),
-    "page": lambda quick: _long(page_soak.soak, 500 if quick else UPDATES, MOST_WINDOW_MB),
+    "page": lambda quick: _long(viewer_soak.soak_page, 500 if quick else UPDATES, MOST_WINDOW_MB),
 }
 
 if __name__ == "__main__":

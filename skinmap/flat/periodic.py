@@ -36,7 +36,7 @@ from skinmap.geometry.topology import (
     twins,
 )
 from skinmap.geometry.triangles import vertex_normals
-from skinmap.surface.holes import close_loop
+from skinmap.surface.consensus_meshing import close_loop
 
 METHOD = "periodic"
 

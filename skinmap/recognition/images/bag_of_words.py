@@ -16,7 +16,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.images.visual_features import local_features
-from skinmap.touch.images.paper_image import SIZE
+from skinmap.touch.images.contact_image import SIZE
 
 WORDS = 130  # as published
 LEARNT_FROM = 15_000  # features that k-means sees at most

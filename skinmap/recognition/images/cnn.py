@@ -23,7 +23,7 @@ from skinmap.errors import (
 from skinmap.imports import import_optional
 from skinmap.recognition.images.bag_of_words import as_images
 from skinmap.recognition.images.convolution import Float32, Network
-from skinmap.touch.images.paper_image import SIZE
+from skinmap.touch.images.contact_image import SIZE
 
 Schedule = Literal["constant", "step", "cosine"]
 NEED = "training a network needs torch: pip install 'skinmap[torch]'"

@@ -19,7 +19,7 @@ from skinmap.geometry.triangles import unit
 from skinmap.recognition.images.image_descriptor import moments
 from skinmap.recognition.protocols.folds import FoldKind, Names
 from skinmap.skin.skin import Skin
-from skinmap.touch.images.paper_image import SIZE, paper_images, resize
+from skinmap.touch.images.contact_image import SIZE, paper_images, resize
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import GESTURES as ALL_GESTURES
 from skinmap.touch.simulation.gestures import TIME
