@@ -16,10 +16,9 @@ import numpy as np
 
 from benchmarks.harness.record import afresh
 from benchmarks.harness.timing import quartiles, timed
-from skinmap.flat.disc import Disc
+from skinmap.flat.disc import Disc, factorise
 from skinmap.flat.disc_map import map_disc
 from skinmap.flat.distortion import measure_distortion
-from skinmap.flat.factorisation import factorise
 from skinmap.geometry.topology import boundary_loops
 
 OURS = ("fast", "balanced", "dirichlet")

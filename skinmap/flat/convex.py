@@ -10,8 +10,7 @@ import numpy as np
 from scipy.sparse import coo_array, csc_array, diags_array
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.flat.disc import Disc
-from skinmap.flat.factorisation import factorise
+from skinmap.flat.disc import Disc, factorise
 from skinmap.geometry.topology import edges
 
 

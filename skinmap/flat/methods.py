@@ -20,10 +20,10 @@ from skinmap.flat.convex import harmonic_on_circle, uniform_on_circle
 from skinmap.flat.dirichlet import (
     at_best_size,
     locally_injective_map,
+    rigid_map,
     symmetric_dirichlet_descent,
 )
 from skinmap.flat.disc import Disc
-from skinmap.flat.local_global import rigid_map
 from skinmap.geometry.triangles import face_areas, signed_areas
 from skinmap.registry import Registry
 

@@ -23,9 +23,8 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import FlatteningError
 from skinmap.flat.convex import uniform_laplacian
 from skinmap.flat.dirichlet import at_best_size, symmetric_dirichlet_descent
-from skinmap.flat.disc import Disc
+from skinmap.flat.disc import Disc, Solve, factorise
 from skinmap.flat.disc_map import DiscMap
-from skinmap.flat.factorisation import Solve, factorise
 from skinmap.flat.seams import CutMesh, open_surface, split_along
 from skinmap.geometry.topology import (
     boundary_loops,

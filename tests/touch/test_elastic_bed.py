@@ -28,8 +28,13 @@ from skinmap.touch.simulation.simulator import (
     simulate,
     simulate_pairs,
 )
-from skinmap.touch.simulation.subjects import draw_subjects
-from skinmap.touch.simulation.variety import draw_sensing, happens, uses_pads, variety_of
+from skinmap.touch.simulation.variety import (
+    draw_sensing,
+    draw_subjects,
+    happens,
+    uses_pads,
+    variety_of,
+)
 
 FLAT = np.zeros((2, 2))
 K = 2e7

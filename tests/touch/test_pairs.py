@@ -11,8 +11,8 @@ from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from skinmap.touch.simulation.gestures import EIGHT, GESTURES
 from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
 from skinmap.touch.simulation.simulator import APART, simulate, simulate_pairs
-from skinmap.touch.simulation.subjects import draw_subjects
 from skinmap.touch.simulation.things import HAND, OTHER, gesture_set
+from skinmap.touch.simulation.variety import draw_subjects
 
 
 @pytest.fixture(scope="module")

@@ -24,8 +24,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import GESTURES as ALL_GESTURES
 from skinmap.touch.simulation.gestures import TIME
 from skinmap.touch.simulation.simulator import Player, Stage, place, prepare
-from skinmap.touch.simulation.subjects import HABITS, Habit, draw_subjects
-from skinmap.touch.simulation.variety import draw_sensing
+from skinmap.touch.simulation.variety import HABITS, Habit, draw_sensing, draw_subjects
 
 HAND, OTHER = "hand", "other"
 # Grips of a human hand, and what else touches a robot's arm; as many images of each group.

@@ -34,26 +34,24 @@ from skinmap.touch.simulation.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_S
 from skinmap.touch.simulation.hands import Body, Draw, oblique, rolled
 from skinmap.touch.simulation.moving_touches import Ground, bed_press, lay
 from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
-from skinmap.touch.simulation.subjects import (
-    GRIPS,
-    HABIT_SHIFT,
-    HABIT_TURN,
-    HABITS,
-    Habit,
-    Places,
-    Subject,
-    draw_subjects,
-)
 from skinmap.touch.simulation.things import BODIES, gesture_set
 from skinmap.touch.simulation.time_gestures import TIME_GESTURES, Timing
 from skinmap.touch.simulation.variety import (
     DEFAULT,
+    GRIPS,
+    HABIT_SHIFT,
+    HABIT_TURN,
+    HABITS,
     LEANS,
     ROLLS,
+    Habit,
+    Places,
+    Subject,
     beyond,
     check_variety,
     draw_foam,
     draw_sensing,
+    draw_subjects,
     happens,
     on_skin_of,
     uses_pads,

@@ -29,7 +29,7 @@ from viewer.drawing.touches.touch_marks import KeptContours, Rings
 from viewer.drawing.touches.touch_view import TouchView
 from viewer.drawing.words.labels import Box
 from viewer.drawing.words.legend import Legend
-from viewer.drawing.words.text_lines import Line
+from viewer.drawing.words.shapes import Line
 
 if TYPE_CHECKING:
     from viewer.scene import Scene
@@ -40,7 +40,7 @@ from vtkmodules.vtkRenderingCore import vtkRenderer, vtkTextActor
 from skinmap.live.moment import Moment
 from viewer.colours import FAINT, WARNING
 from viewer.drawing.panel.touch_list import known
-from viewer.drawing.words.text_lines import small_font
+from viewer.drawing.words.shapes import small_font
 
 ARROWS = "arrows: out of the skin at a touch, longer the harder; along it where it moves"
 TURN_STEP = 5.0  # how far the camera turns from one frame to the next [deg]

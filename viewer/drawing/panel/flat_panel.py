@@ -33,7 +33,7 @@ from viewer.drawing.touches.touch_marks import (
     trail_on,
 )
 from viewer.drawing.touches.traces import TracePlot
-from viewer.drawing.words.text_lines import Line, small_font
+from viewer.drawing.words.shapes import Line, small_font
 from viewer.layers import Layer
 
 SIDE = 0.07  # free at both sides, in widths of the panel
