@@ -22,8 +22,7 @@ from collections.abc import Callable
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.flat.convex import uniform_on_circle
-from skinmap.flat.disc import Disc
+from skinmap.flat.disc import Disc, uniform_on_circle
 from skinmap.geometry.triangles import cross_2d
 
 Barrier = Callable[[FloatArray], tuple[float, FloatArray]]

@@ -28,7 +28,7 @@ from skinmap.geometry.point_surface import PointSurface
 from skinmap.geometry.proximity import bridged_graph
 from skinmap.geometry.rigid import plane_turns
 from skinmap.skin.skin import Skin, fingerprint
-from skinmap.touch.recording import Recording
+from skinmap.touch.recording import Recording, TrueMotion
 from skinmap.touch.simulation.elastic_bed import bed_loads, contact_width
 from skinmap.touch.simulation.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, TIME, Pad
 from skinmap.touch.simulation.hands import Body, Draw, oblique, rolled
@@ -56,7 +56,6 @@ from skinmap.touch.simulation.variety import (
     on_skin_of,
     uses_pads,
 )
-from skinmap.touch.true_motion import TrueMotion
 
 SENSING = Sensing()
 RATE = SENSING.rate
