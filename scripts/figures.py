@@ -218,22 +218,6 @@ def physics(results: Path) -> list[str]:
     return _table(("touches that vary, parts left out (calibration error)", *heads), table_rows)
 
 
-def installed(results: Path) -> list[str]:
-    """What is on the disk, what it is for, and what can be left out."""
-    told = _read(results, "installed")
-    size = told["packages_mb"]
-    numbers = sum(size[name] for name in ("scipy", "numpy", "scikit-learn", "libigl", "matplotlib"))
-    rows = [
-        ("all packages", f"{told['total_mb'] / 1e3:.1f} GB", ""),
-        ("VTK, for window and pictures", f"{size['vtk']:.0f} MB", "no"),
-        ("pymeshlab (GPL-3)", f"{size['pymeshlab']:.0f} MB",
-         "yes: wrapping and `--meshing accurate` then report the missing package"),
-        ("SciPy, NumPy, scikit-learn, libigl, matplotlib", f"{numbers:.0f} MB", "no"),
-        ("the iCub's meshes", f"{size['icub-models']:.0f} MB", "yes, with another robot"),
-    ]  # fmt: skip
-    return _table(("", "", "can be left out"), rows)
-
-
 def _at_least(percent: float) -> str:
     return f"{percent:.0f} %" + " or more" * (percent < 100.0)
 
@@ -286,7 +270,6 @@ SECTIONS: dict[str, Section] = {
     "The iCub, whole": (skin, ["demo", "geometry"]),
     "Touches named right": (names, ["demo", f"{PATCHES}_varied", PATCHES, f"{PATCHES}_histograms"]),
     "The same touches pressed by another physics": (physics, ["evaluation_physics"]),
-    "Installed, without extras": (installed, ["installed"]),
 }
 
 DECISIVE = (

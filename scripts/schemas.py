@@ -13,7 +13,7 @@ import click
 from skinmap.cli.main import cli
 from skinmap.commands.options import results_of
 from skinmap.commands.profiles import Profiled, ProfileUsed
-from skinmap.report.schema import result_schema
+from skinmap.report.result import result_schema
 
 ROOT = Path(__file__).resolve().parents[1]
 SCHEMAS, PAGE = ROOT / "docs" / "schemas", ROOT / "docs" / "json.md"

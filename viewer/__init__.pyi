@@ -1,6 +1,6 @@
 """Names of the viewer, from where they are defined: `skinmap/lazy.py` loads them on first use."""
 
-from viewer.export.gltf import write_gltf as write_gltf
+from viewer.export.html_page import write_gltf as write_gltf
 from viewer.export.html_page import write_html as write_html
 from viewer.export.movie import write_movie as write_movie
 from viewer.layers import Layers as Layers

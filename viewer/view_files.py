@@ -17,8 +17,7 @@ from skinmap.live.moment import Moment
 from skinmap.live.sources.source import Seekable, SourceEnded
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 from viewer.drawing.frame.camera import AZIMUTHS, View, front_view
-from viewer.export.gltf import write_gltf
-from viewer.export.html_page import write_html
+from viewer.export.html_page import write_gltf, write_html
 from viewer.export.movie import MOVIE_FPS, Picture, write_movie
 from viewer.playing.recent_moments import Excerpt
 from viewer.results import ShownTouch, ViewFiles

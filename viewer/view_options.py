@@ -33,9 +33,8 @@ from skinmap.skin.robot import Robot
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.body.bare_body import Links
-from viewer.interaction.saving import apply_view, check_view
-from viewer.interaction.selection import Selection
-from viewer.interaction.view_file import SavedView
+from viewer.interaction.mouse import Selection
+from viewer.interaction.view_file import SavedView, apply_view, check_view
 from viewer.layers import Layers
 from viewer.playing.player import LoopFeed
 from viewer.scene import LazyMaps, Scene

@@ -22,8 +22,7 @@ from skinmap.recognition.descriptors import Touch, recorded_touches
 from skinmap.recognition.naming import all_right, name_touches
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
-from skinmap.touch.simulation.pairs import simulate_pairs
-from skinmap.touch.simulation.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate, simulate_pairs
 
 Wanted = Sequence[tuple[Sequence[str], int]]  # gestures, and how many touches of each
 TRAINED_PARTS = ("torso", "left_leg_upper", "left_foot", "right_forearm")

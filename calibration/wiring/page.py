@@ -11,8 +11,7 @@ import numpy as np
 
 from calibration.wiring.findings import WORDS, CheckupResult, lines
 from skinmap.errors import SkinError
-from skinmap.report.channel_map import draw_channels
-from skinmap.report.page import plain_figure, save_figure
+from skinmap.report.page import draw_channels, plain_figure, save_figure
 
 if TYPE_CHECKING:
     from calibration.wiring.examination import Case

@@ -9,21 +9,26 @@ README lists. Nothing here is random.
 from __future__ import annotations
 
 import hashlib
+import sys
 from pathlib import Path
 
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.geometry.cones import EllipticCone, ellipsoid
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.robots.mesh_file import write_mesh
 from skinmap.io.taxels.taxel_table import write_csv
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.repair import replace
-from skinmap.skin.sheets import hinge, lay_on_cone, taxel_table, triangle_sheet
+from skinmap.skin.sheets import taxel_table, triangle_sheet
 from skinmap.skin.taxels import TaxelTable
 
 HERE = Path(__file__).resolve().parent
+if str(HERE.parent) not in sys.path:  # also when it is loaded by its path
+    sys.path.append(str(HERE.parent))
+
+from made_limbs import EllipticCone, ellipsoid, hinge, lay_on_cone  # noqa: E402
+
 LAYOUT = module_layout("triangle_12pad")
 SIDE = 30e-3  # of a board [m]
 DIGITS = 9  # nanometres: the same file whatever the last bit of a sine

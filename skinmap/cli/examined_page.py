@@ -6,8 +6,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from skinmap.report.channel_map import COLOURS, draw_channels
-from skinmap.report.page import heading, image, note, page, paragraph, picture_bytes, plain_figure
+from skinmap.report.page import (
+    COLOURS,
+    draw_channels,
+    heading,
+    image,
+    note,
+    page,
+    paragraph,
+    picture_bytes,
+    plain_figure,
+)
 from skinmap.report.table import Table
 from skinmap.soundness.examination import Examined, ExaminedFile
 from skinmap.soundness.finding import Finding

@@ -483,7 +483,7 @@ def export_images(source: str, parts: tuple[str, ...], output: Path, _: Any) -> 
     from skinmap.io.output import staged_folder
     from skinmap.io.recordings.image_files import LabelledImages, write_images
     from skinmap.touch.contacts.skin_geometry import pressed
-    from skinmap.touch.images.paper_image import SIZE, paper_images
+    from skinmap.touch.images.contact_image import SIZE, paper_images
 
     _check_new(output)
     path = Path(source)

@@ -17,8 +17,7 @@ from skinmap.report.present import present
 if TYPE_CHECKING:
     import numpy as np
 
-    from skinmap.touch.recording import Recording
-    from skinmap.touch.true_motion import TrueMotion
+    from skinmap.touch.recording import Recording, TrueMotion
 
 APART = 1.0  # seconds between the end of one recording and the beginning of the next
 SAME_RATE = 0.01  # share by which rates may differ

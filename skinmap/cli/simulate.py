@@ -303,8 +303,7 @@ def work(
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.touch_files import check_suffix, save_recordings
     from skinmap.physics.simulation import simulate as press
-    from skinmap.touch.simulation.pairs import simulate_pairs
-    from skinmap.touch.simulation.simulator import simulate
+    from skinmap.touch.simulation.simulator import simulate, simulate_pairs
     from skinmap.touch.simulation.things import gesture_set
     from skinmap.touch.simulation.variety import draw_sensing
 

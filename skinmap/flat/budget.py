@@ -9,10 +9,9 @@ from dataclasses import dataclass
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
-from skinmap.flat.dirichlet import locally_injective_map
+from skinmap.flat.dirichlet import locally_injective_map, rigid_map
 from skinmap.flat.disc import Disc
 from skinmap.flat.distortion import edge_rms
-from skinmap.flat.local_global import rigid_map
 
 # CPU seconds (s, p) as s (n / 100,000)^p; what `balanced` and `dirichlet` add to `fast`, which is
 # their start. From "cost_model" of benchmarks/results/geometry.json, by `make bench-geometry`.

@@ -15,7 +15,7 @@ from skinmap.flat.disc import Disc
 from skinmap.flat.methods import OWN, apply_flattener, check_effort
 from skinmap.geometry.topology import check_surface, loop_length, loops_by_length
 from skinmap.geometry.triangles import vertex_normals
-from skinmap.surface.holes import close_loop, used_chords
+from skinmap.surface.consensus_meshing import close_loop, used_chords
 
 logger = logging.getLogger(__name__)
 

@@ -16,14 +16,13 @@ from scipy.spatial import cKDTree
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.budget import within_budget
-from skinmap.flat.convex import harmonic_on_circle, uniform_on_circle
 from skinmap.flat.dirichlet import (
     at_best_size,
     locally_injective_map,
+    rigid_map,
     symmetric_dirichlet_descent,
 )
-from skinmap.flat.disc import Disc
-from skinmap.flat.local_global import rigid_map
+from skinmap.flat.disc import Disc, harmonic_on_circle, uniform_on_circle
 from skinmap.geometry.triangles import face_areas, signed_areas
 from skinmap.registry import Registry
 

@@ -21,11 +21,9 @@ from scipy.sparse import coo_array, csr_array
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import FlatteningError
-from skinmap.flat.convex import uniform_laplacian
 from skinmap.flat.dirichlet import at_best_size, symmetric_dirichlet_descent
-from skinmap.flat.disc import Disc
+from skinmap.flat.disc import Disc, Solve, factorise, uniform_laplacian
 from skinmap.flat.disc_map import DiscMap
-from skinmap.flat.factorisation import Solve, factorise
 from skinmap.flat.seams import CutMesh, open_surface, split_along
 from skinmap.geometry.topology import (
     boundary_loops,
@@ -36,7 +34,7 @@ from skinmap.geometry.topology import (
     twins,
 )
 from skinmap.geometry.triangles import vertex_normals
-from skinmap.surface.holes import close_loop
+from skinmap.surface.consensus_meshing import close_loop
 
 METHOD = "periodic"
 

@@ -27,8 +27,7 @@ from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN, TIME
 from skinmap.touch.simulation.hands import OBLIQUE
 from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
 from skinmap.touch.simulation.simulator import Plays
-from skinmap.touch.simulation.subjects import ALL_HANDS, HAND
-from skinmap.touch.simulation.variety import LEANS, beyond, happens, on_skin_of
+from skinmap.touch.simulation.variety import ALL_HANDS, HAND, LEANS, beyond, happens, on_skin_of
 
 FOUR = tuple(PRESSERS)[:4]
 SUBJECTS = 10

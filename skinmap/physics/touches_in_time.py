@@ -21,8 +21,8 @@ from skinmap.physics.variants import Variant
 from skinmap.touch.simulation import moving_touches
 from skinmap.touch.simulation.hands import Draw
 from skinmap.touch.simulation.moving_touches import Laid, lay
-from skinmap.touch.simulation.subjects import HABITS, Subject
 from skinmap.touch.simulation.time_gestures import TIME_GESTURES, Timing
+from skinmap.touch.simulation.variety import HABITS, Subject
 
 # What each gesture is made with, one drawn; the second of a squeeze is its other side.
 HANDS: dict[str, tuple[str, ...]] = {

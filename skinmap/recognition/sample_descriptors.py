@@ -17,7 +17,7 @@ from skinmap.errors import InvalidArrayError, NotFittedError, SkinMismatchError,
 from skinmap.recognition.descriptors import ROWS, ContactGeometry, Descriptor, Histograms, Touch
 from skinmap.touch.contacts.skin_geometry import pressed
 from skinmap.touch.histograms.codebook import COUNTS
-from skinmap.touch.images.paper_image import SIZE, paper_images
+from skinmap.touch.images.contact_image import SIZE, paper_images
 
 LARGEST = 1024  # pixels along a side
 FRAMES = 2  # images a touch: its first and last quarter while pressed

@@ -6,11 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
+from skinmap.geometry.rigid import tangent_frames
+from skinmap.geometry.topology import boundary_loops, face_components, half_edges, loop_length
+from skinmap.geometry.triangles import cross_2d, unit
 from skinmap.surface.delaunay_stars import NEIGHBOURS, delaunay_stars
-from skinmap.surface.holes import fill_holes
-from skinmap.surface.surface_merge import consensus
+from skinmap.surface.surface_merge import consensus, is_solid
 from skinmap.surface.taxel_cloud import Cloud
 
 EDGE_LIMIT = 2.5  # in local spacings: spans the gap between two modules, not between patches
@@ -83,3 +85,99 @@ def close_small_holes(cloud: Cloud, limits: Limits, faces: IntArray) -> IntArray
         limits.largest_hole,
         least_altitude=1e-3 * limits.least_altitude,
     )
+
+
+# Closing of holes: small inner loops of a surface mesh, and any loop for a solve.
+
+SMALL_HOLE = 8  # vertices: inner loops up to here are disagreements between stars
+
+
+def fill_holes(
+    points: FloatArray,
+    normals: FloatArray,
+    faces: IntArray,
+    largest: int = SMALL_HOLE,
+    *,
+    least_altitude: float = 0.0,
+) -> IntArray:
+    """Faces with every inner loop of at most `largest` vertices closed.
+
+    The longest loop of each component [m] is its outer border and stays open, and so does a hole
+    that no triangles above an altitude [m], outside up, fit into without using an edge of the
+    mesh again: the end of a thin tube is as short a loop as a gap between stars.
+    """
+    loops = boundary_loops(faces)
+    if not any(len(loop) <= largest for loop in loops):
+        return faces
+    component = np.full(len(points), -1)
+    component[faces.ravel()] = np.repeat(face_components(faces), 3)
+    longest: dict[int, tuple[float, int]] = {}
+    for number, loop in enumerate(loops):
+        rank = (loop_length(points, loop), number)
+        longest[component[loop[0]]] = max(longest.get(component[loop[0]], rank), rank)
+    outer = {number for _, number in longest.values()}
+    patches = [faces]
+    for number, loop in enumerate(loops):
+        if number in outer or len(loop) > largest:
+            continue
+        patch = close_loop(points, normals, loop, used=used_chords(np.concatenate(patches), loop))
+        if len(patch) and is_solid(points, normals, patch, least_altitude).all():
+            patches.append(patch)
+    return np.concatenate(patches)
+
+
+def used_chords(faces: IntArray, loop: IntArray) -> BoolArray:
+    """(k, k) whether the mesh has an edge between two vertices of a loop that is none of its."""
+    place = np.full(int(faces.max()) + 1, -1)
+    place[loop] = np.arange(len(loop))
+    directed = half_edges(faces[(place[faces] >= 0).sum(axis=1) >= 2])
+    start, end = place[directed].T
+    inside = (start >= 0) & (end >= 0)
+    used = np.zeros((len(loop),) * 2, np.bool_)
+    used[start[inside], end[inside]] = True
+    return np.asarray(used | used.T)
+
+
+def close_loop(
+    points: FloatArray, normals: FloatArray, loop: IntArray, *, used: BoolArray | None = None
+) -> IntArray:
+    """Faces (k - 2, 3) that close a boundary loop of k vertices, the worst one as good as can be.
+
+    Klincsek's dynamic programme over chords: of all triangulations the one whose flattest
+    triangle is least flat, so triangles turned over or without area come last. `used` (k, k)
+    tells which chords are taken; none at all (0, 3) where there is no way without them.
+    """
+    hole = loop[::-1]  # a boundary loop runs with its faces, so the hole's own turn is reversed
+    normal = unit(normals[hole].sum(axis=0))
+    flat = points[hole] @ tangent_frames(normal).T
+    n = len(hole)
+    taken = np.zeros((n, n), np.bool_) if used is None else used[::-1, ::-1]
+    worst = np.full((n, n), np.inf)  # quality of the worst triangle beyond the chord i, j
+    split = np.zeros((n, n), np.int64)
+    for span in range(2, n):
+        for i in range(n - span):
+            j = i + span
+            between = np.arange(i + 1, j)
+            shape = _quality(flat[i], flat[between], flat[j])
+            value = np.minimum(shape, np.minimum(worst[i, between], worst[between, j]))
+            worst[i, j], split[i, j] = value.max(), between[np.argmax(value)]
+            if taken[i, j] and span < n - 1:
+                worst[i, j] = -np.inf
+    if worst[0, n - 1] == -np.inf:
+        return np.zeros((0, 3), np.int64)
+    faces, chords = [], [(0, n - 1)]
+    while chords:
+        i, j = chords.pop()
+        if j - i >= 2:
+            m = int(split[i, j])
+            faces.append(hole[[i, m, j]])
+            chords += [(i, m), (m, j)]
+    return np.array(faces, dtype=np.int64)
+
+
+def _quality(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """(k,) twice the signed area over the squared longest edge of triangles a, b (k, 2), c."""
+    sides = np.stack([b - a, b - c, np.broadcast_to(c - a, b.shape)])
+    longest = (sides**2).sum(axis=2).max(axis=0)
+    area = cross_2d(b - a, c - a)
+    return np.divide(area, longest, out=np.zeros_like(area), where=longest > 0)

@@ -8,8 +8,7 @@ from skinmap.recognition.classifier import NO_CONTACT, Prediction, classifiers
 from skinmap.recognition.descriptors import Touch
 from skinmap.recognition.naming import Named, all_right, name_touches, true_labels
 from skinmap.recognition.prediction_sets import UNKNOWN
-from skinmap.touch.simulation.pairs import simulate_pairs
-from skinmap.touch.simulation.simulator import RATE, simulate
+from skinmap.touch.simulation.simulator import RATE, simulate, simulate_pairs
 from tests.replay import replay
 
 

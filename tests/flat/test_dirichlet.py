@@ -5,14 +5,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 from skinmap.flat import dirichlet as module
-from skinmap.flat.convex import uniform_on_circle
 from skinmap.flat.dirichlet import (
     energy_and_gradient,
     largest_step,
     locally_injective_map,
     symmetric_dirichlet_descent,
 )
-from skinmap.flat.disc import Disc
+from skinmap.flat.disc import Disc, uniform_on_circle
 from skinmap.flat.methods import flatteners
 from skinmap.geometry.topology import boundary_loops
 from skinmap.geometry.triangles import signed_areas

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from skinmap.flat.dirichlet import as_rigid_as_possible, closest_rotations
 from skinmap.flat.disc import Disc
-from skinmap.flat.local_global import as_rigid_as_possible, closest_rotations
 from skinmap.geometry.topology import boundary_loops
 from skinmap.geometry.triangles import face_areas, jacobians, smallest_altitudes
 

@@ -6,8 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spsolve
 
-from skinmap.flat.disc import Disc
-from skinmap.flat.factorisation import factorise
+from skinmap.flat.disc import Disc, factorise
 from skinmap.geometry.topology import boundary_loops
 
 

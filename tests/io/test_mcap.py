@@ -34,8 +34,7 @@ from skinmap.io.ros2.message_types import decode, definition, encode
 from skinmap.io.ros2.messages import read_text
 from skinmap.io.taxels.taxel_table import parse_csv
 from skinmap.touch.recording import Recording
-from skinmap.touch.simulation.pairs import simulate_pairs
-from skinmap.touch.simulation.simulator import simulate
+from skinmap.touch.simulation.simulator import simulate, simulate_pairs
 
 N = 30
 

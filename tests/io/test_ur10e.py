@@ -19,7 +19,7 @@ from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts.skin_geometry import ACTIVE, find_contacts
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.simulator import place, prepare
-from skinmap.touch.simulation.subjects import draw_subjects
+from skinmap.touch.simulation.variety import draw_subjects
 
 FOLDER = data_folder() / "ur10e_cyskin"
 COUNTS = 160.0  # of a load of 1

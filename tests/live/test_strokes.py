@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from skinmap.geometry.point_surface import SurfaceWalker
 from skinmap.geometry.proximity import closest_on_mesh
-from skinmap.geometry.surface_path import SurfaceWalker
 from skinmap.live.contacts.followed_contact import POINTS, STEP, Stroke
 
 

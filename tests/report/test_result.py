@@ -14,8 +14,7 @@ from click.testing import CliRunner
 from jsonschema import Draft202012Validator
 
 from skinmap.report.present import present
-from skinmap.report.result import MERGED, Verdict, plain, significant
-from skinmap.report.schema import field_texts, result_schema
+from skinmap.report.result import MERGED, Verdict, field_texts, plain, result_schema, significant
 from skinmap.report.table import Table
 
 

@@ -13,9 +13,8 @@ from skinmap.geometry.topology import boundary_loops, check_surface, euler_numbe
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.accurate import is_closed
-from skinmap.surface.consensus_meshing import Limits, consensus_faces
+from skinmap.surface.consensus_meshing import Limits, close_loop, consensus_faces
 from skinmap.surface.delaunay_stars import NEIGHBOURS, delaunay_stars
-from skinmap.surface.holes import close_loop
 from skinmap.surface.surface_merge import take_in_turn
 from skinmap.surface.surface_mesh import MESHING, build_surface
 from skinmap.surface.taxel_cloud import make_cloud

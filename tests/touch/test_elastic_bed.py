@@ -20,11 +20,21 @@ from skinmap.touch.simulation.elastic_bed import (
 )
 from skinmap.touch.simulation.gestures import GESTURES
 from skinmap.touch.simulation.hands import HANDS, Body, Draw, full_finger, oblique, whole_hand
-from skinmap.touch.simulation.pairs import simulate_pairs
 from skinmap.touch.simulation.sensing import Sensing, Sensors
-from skinmap.touch.simulation.simulator import loads_over_time, place, prepare, simulate
-from skinmap.touch.simulation.subjects import draw_subjects
-from skinmap.touch.simulation.variety import draw_sensing, happens, uses_pads, variety_of
+from skinmap.touch.simulation.simulator import (
+    loads_over_time,
+    place,
+    prepare,
+    simulate,
+    simulate_pairs,
+)
+from skinmap.touch.simulation.variety import (
+    draw_sensing,
+    draw_subjects,
+    happens,
+    uses_pads,
+    variety_of,
+)
 
 FLAT = np.zeros((2, 2))
 K = 2e7

@@ -6,9 +6,8 @@ import pytest
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.io.robots.manifest import load_robot
-from skinmap.touch.images import paper_image
-from skinmap.touch.images.contact_image import image_geometry
-from skinmap.touch.images.paper_image import grey_levels, paper_images, resize
+from skinmap.touch.images import contact_image
+from skinmap.touch.images.contact_image import grey_levels, image_geometry, paper_images, resize
 from skinmap.touch.prepared_skin import PreparedSkin
 
 
@@ -103,9 +102,9 @@ def test_ties_between_two_levels_do_not_depend_on_the_order_of_a_sum(monkeypatch
     images = rng.integers(0, 256, (40, 30, 48)).astype(np.uint8)
     images[:, ::2] = images[:, 1::2]
     plain = resize(images, (45, 72))
-    weights = paper_image._resampling
+    weights = contact_image._resampling
     for nudge in (1.0 - 2e-16, 1.0 + 4e-16):
         monkeypatch.setattr(
-            paper_image, "_resampling", lambda n, wanted, nudge=nudge: weights(n, wanted) * nudge
+            contact_image, "_resampling", lambda n, wanted, nudge=nudge: weights(n, wanted) * nudge
         )
         np.testing.assert_array_equal(resize(images, (45, 72)), plain)

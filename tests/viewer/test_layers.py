@@ -9,8 +9,7 @@ from skinmap.neighbours.structures import find_structures
 from skinmap.touch.load_calibration import LoadCalibration
 from viewer.drawing.skin.skin_view import signs_of
 from viewer.drawing.skin.taxel_drawing import fade
-from viewer.health import DEAD, NEVER, OK, SATURATED, STALE, STATES
-from viewer.layers import LAYERS, Layers
+from viewer.layers import DEAD, LAYERS, NEVER, OK, SATURATED, STALE, STATES, Layers
 
 SIZES = {"torso": 430, "left_arm": 350}
 

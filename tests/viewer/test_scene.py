@@ -6,7 +6,7 @@ import pyvista as pv
 
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.geometry.rigid import transform_directions, transform_points
-from skinmap.touch.images.paper_image import paper_images
+from skinmap.touch.images.contact_image import paper_images
 from skinmap.touch.prepared_skin import PreparedSkin
 
 
@@ -164,7 +164,7 @@ def test_the_contact_image_stands_beside_the_flat_map(at_rest, press):
 
 def reach(layer, touch, others=()):
     """How far the outline of a touch goes from its centre [m]."""
-    from viewer.drawing.touches.outlines import outline_touch
+    from viewer.drawing.touches.touch_marks import outline_touch
 
     points = outline_touch(layer, touch, [touch, *others]).points(layer.points)
     return np.linalg.norm(points.reshape(-1, 3) - touch.centre, axis=1).max()

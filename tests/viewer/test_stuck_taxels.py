@@ -12,8 +12,8 @@ import skinmap
 from tests.viewer.unpacking import unpack
 from viewer import Layers
 from viewer.drawing.skin.skin_layer import build_layer
-from viewer.drawing.touches.outlines import touch_field
-from viewer.health import STATES, STUCK, UNHEARD
+from viewer.drawing.touches.touch_marks import touch_field
+from viewer.layers import STATES, STUCK, UNHEARD
 from viewer.view_files import Best
 from viewer.view_options import Look, Session
 from viewer.web.sample import UNKNOWN, SampleWriter

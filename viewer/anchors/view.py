@@ -31,7 +31,7 @@ from viewer.drawing.frame.polydata import add_actor, make_lines, make_mesh, show
 from viewer.drawing.skin.draw_positions import LIFT, polygons
 from viewer.drawing.touches.touch_marks import ring_quads
 from viewer.drawing.words.legend import Legend
-from viewer.drawing.words.text_lines import Line
+from viewer.drawing.words.shapes import Line
 from viewer.layers import Layer
 
 SIZE = (1280, 800)  # of the window [px]

@@ -14,12 +14,10 @@ from viewer.drawing.frame.camera import focus, preset
 from viewer.drawing.frame.canvas import FOOT
 from viewer.drawing.touches.traces import COURSES
 from viewer.drawing.touches.traces import SPANS as SPANS_PLOTTED
-from viewer.interaction.mouse import Mouse, Pace
+from viewer.interaction.mouse import Lasso, Mouse, Pace, Reach
 from viewer.interaction.overlays import Notice, Slider, Spans, TextBox
 from viewer.interaction.pointing import Pointing, within
-from viewer.interaction.saving import apply_view, free_name, view_of
-from viewer.interaction.selection import Lasso, Reach
-from viewer.interaction.view_file import load_view, save_view
+from viewer.interaction.view_file import apply_view, free_name, load_view, save_view, view_of
 from viewer.playing.player import Player
 from viewer.results import LAYERS
 from viewer.scene import Scene

@@ -13,8 +13,7 @@ from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from skinmap.arrays import FloatArray
 from viewer.colours import BACKGROUND, FAINT, INK, PANEL, RIM, rgb
-from viewer.drawing.words.shapes import Shape, Shapes, disc, rectangle, tint
-from viewer.drawing.words.text_lines import Line, small_font
+from viewer.drawing.words.shapes import Line, Shape, Shapes, disc, rectangle, small_font, tint
 
 ASIDE = 1.1  # of the box from what it tells of, in letters
 SECONDS = 4.0  # that a notice stays [s]

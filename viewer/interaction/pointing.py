@@ -15,9 +15,8 @@ from skinmap.live.moment import Moment
 from viewer.drawing.frame.camera import FACING, Target, project, world_points
 from viewer.drawing.skin.draw_positions import raised
 from viewer.interaction.describe import describe, lines
-from viewer.interaction.mouse import Pace
+from viewer.interaction.mouse import Lasso, Pace, Reach, Selection, reached
 from viewer.interaction.overlays import RING, TextBox, Trace2D
-from viewer.interaction.selection import Lasso, Reach, Selection, reached
 from viewer.scene import Scene
 
 HOVER = 0.06  # between two looks at what lies under the mouse [s]

@@ -20,11 +20,9 @@ from skinmap.live.moment import Moment
 from viewer.colours import touch_colour
 from viewer.drawing.body.bare_body import posed
 from viewer.drawing.panel.touch_list import caption, details
-from viewer.drawing.touches.outlines import outline_touch
-from viewer.drawing.touches.touch_marks import motion_way
+from viewer.drawing.touches.touch_marks import motion_way, outline_touch
 from viewer.drawing.touches.traces import touch_force
-from viewer.health import STATES
-from viewer.layers import Layer, Layers
+from viewer.layers import STATES, Layer, Layers
 from viewer.playing.recent_moments import Timeline
 from viewer.results import LAYERS
 from viewer.web.packing import finite, pack

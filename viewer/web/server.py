@@ -27,8 +27,7 @@ from skinmap.errors import SkinWarning, UnreachableError
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.body.bare_body import Links
-from viewer.interaction.saving import check_view
-from viewer.interaction.view_file import SavedView, content_of
+from viewer.interaction.view_file import SavedView, check_view, content_of
 from viewer.layers import Layers
 from viewer.pair import LEFT, RIGHT, Pair
 from viewer.playing.overview import new_players

@@ -20,7 +20,7 @@ from skinmap.report.page import plain_figure, save_figure
 from skinmap.report.result import given
 from skinmap.report.table import Table
 from skinmap.rows import by_class, percent
-from skinmap.touch.simulation.subjects import Places
+from skinmap.touch.simulation.variety import Places
 
 
 class Kaspar(Own):

@@ -61,7 +61,7 @@ from skinmap.io.ros2.messages import read_joints, read_text, text_message
 from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED
 from skinmap.io.taxels.taxel_table import parse_csv
 from skinmap.skin.taxels import TaxelTable
-from skinmap.touch.true_motion import TrueMotion
+from skinmap.touch.recording import TrueMotion
 
 KEPT = 8  # chunks kept unfolded: each of some players comes by each of them once
 

@@ -29,7 +29,7 @@ from skinmap.io.recordings.recorded_stream import (
     touches_of,
 )
 from skinmap.skin.taxels import TaxelTable
-from skinmap.touch.true_motion import TrueMotion
+from skinmap.touch.recording import TrueMotion
 
 FORMAT = "skinmap-arrays-1"
 GZIP = 4

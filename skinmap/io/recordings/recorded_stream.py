@@ -15,8 +15,7 @@ from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, UnknownNameError
 from skinmap.io.mcap.file_overview import Overview
 from skinmap.skin.taxels import TaxelTable
-from skinmap.touch.recording import Recording
-from skinmap.touch.true_motion import TrueMotion
+from skinmap.touch.recording import Recording, TrueMotion
 
 Kind = Literal["raw", "pressure"]
 BLOCK = 1024  # samples that are read at once

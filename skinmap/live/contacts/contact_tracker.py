@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.geometry.surface_path import SurfaceWalker
+from skinmap.geometry.point_surface import SurfaceWalker
 from skinmap.live.contacts.followed_contact import (
     LANDED,
     NEAR,

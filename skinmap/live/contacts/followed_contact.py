@@ -12,7 +12,7 @@ from itertools import combinations
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.surface_path import SurfaceWalker
+from skinmap.geometry.point_surface import SurfaceWalker
 from skinmap.live.contacts.sample_contacts import Components, Measured, basins
 from skinmap.live.robot_skin import JoinedSkin
 

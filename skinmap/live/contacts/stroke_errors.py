@@ -12,8 +12,7 @@ from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts.rest import felt
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.recording import Recording
-from skinmap.touch.true_motion import TrueMotion
+from skinmap.touch.recording import Recording, TrueMotion
 
 STROKES = ("stroke", "slide")
 LEAST = 0.05  # shorter ways are not judged [m]

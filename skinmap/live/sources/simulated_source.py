@@ -35,9 +35,8 @@ from skinmap.touch.simulation.simulator import (
     place,
     prepare,
 )
-from skinmap.touch.simulation.subjects import Subject, draw_subjects
 from skinmap.touch.simulation.things import gesture_set
-from skinmap.touch.simulation.variety import DEFAULT, draw_sensing
+from skinmap.touch.simulation.variety import DEFAULT, Subject, draw_sensing, draw_subjects
 
 REST = 240  # what an iCub's taxel sends untouched; less is harder [counts]
 CHUNK = 0.25  # samples are made so far in one go [s]

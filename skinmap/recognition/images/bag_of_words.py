@@ -22,7 +22,7 @@ from sklearn.utils.validation import check_is_fitted, validate_data
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.imports import import_optional
-from skinmap.touch.images.paper_image import SIZE
+from skinmap.touch.images.contact_image import SIZE
 
 WIDTH = 64  # numbers a feature
 STEP = 3  # pixels between points

@@ -29,7 +29,7 @@ from skinmap.errors import (
 )
 from skinmap.imports import import_optional
 from skinmap.recognition.images.bag_of_words import as_images
-from skinmap.touch.images.paper_image import SIZE
+from skinmap.touch.images.contact_image import SIZE
 
 BATCH = 32  # images at a time: their unfolded windows stay in the cache
 Float32 = NDArray[np.float32]

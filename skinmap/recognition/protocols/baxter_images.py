@@ -19,13 +19,12 @@ from skinmap.geometry.triangles import unit
 from skinmap.recognition.protocols.folds import FoldKind, Names
 from skinmap.recognition.sample_descriptors import moments
 from skinmap.skin.skin import Skin
-from skinmap.touch.images.paper_image import SIZE, paper_images, resize
+from skinmap.touch.images.contact_image import SIZE, paper_images, resize
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import GESTURES as ALL_GESTURES
 from skinmap.touch.simulation.gestures import TIME
 from skinmap.touch.simulation.simulator import Player, Stage, place, prepare
-from skinmap.touch.simulation.subjects import HABITS, Habit, draw_subjects
-from skinmap.touch.simulation.variety import draw_sensing
+from skinmap.touch.simulation.variety import HABITS, Habit, draw_sensing, draw_subjects
 
 HAND, OTHER = "hand", "other"
 # Grips of a human hand, and what else touches a robot's arm; as many images of each group.

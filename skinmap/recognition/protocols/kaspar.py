@@ -57,7 +57,7 @@ from skinmap.recognition.protocols.samples import (
 )
 from skinmap.touch.histograms.codebook import WORDS
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulation.subjects import Places
+from skinmap.touch.simulation.variety import Places
 
 # Samples of each class at 50 Hz, the shares drawn of them, and the folds.
 SAMPLES = {"poke": 1419, "full_finger": 1712, "three_finger": 1697, "whole_hand": 2318}

@@ -22,8 +22,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.gestures import ON_SKIN
 from skinmap.touch.simulation.simulator import SUBJECTS, Player, place, prepare
-from skinmap.touch.simulation.subjects import Places, draw_subjects
-from skinmap.touch.simulation.variety import draw_sensing
+from skinmap.touch.simulation.variety import Places, draw_sensing, draw_subjects
 
 COUNTS = 255.0
 BOOK_TOUCHES = 12  # touches of each gesture that the codebook is learnt from, and nothing else

@@ -19,10 +19,10 @@ from skinmap.geometry.point_surface import STEP, PointSurface, Way
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.skin.skin import Skin
+from skinmap.touch.recording import TrueMotion
 from skinmap.touch.simulation.elastic_bed import Foam, bed_loads
 from skinmap.touch.simulation.hands import Body
 from skinmap.touch.simulation.time_gestures import Course, TimeGesture, turned
-from skinmap.touch.true_motion import TrueMotion
 
 POSES = 4e-3  # between two footprints of a way [m]
 TURN = np.radians(9.0)  # and of a twist

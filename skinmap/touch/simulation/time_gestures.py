@@ -14,7 +14,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.touch.simulation.hands import HANDS, STIFF, Body, Draw, fingertip, shared
-from skinmap.touch.simulation.subjects import Subject
+from skinmap.touch.simulation.variety import Subject
 
 SPEED = (0.02, 0.3)  # of strokes [m/s]
 RHYTHM = (0.8, 1.0, 1.25)  # of a person, by habit

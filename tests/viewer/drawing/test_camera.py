@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from viewer.drawing.body.occlusion import Surface
+from viewer.drawing.body.body_view import Surface
 from viewer.drawing.frame.camera import (
     Framing,
     Margins,

@@ -2,7 +2,7 @@ import numpy as np
 from numpy.testing import assert_allclose
 
 from skinmap.geometry.topology import border_edges
-from viewer.drawing.touches.outlines import outline
+from viewer.drawing.touches.touch_marks import outline
 
 
 def perimeter(ends):

@@ -4,7 +4,7 @@ import numpy as np
 def test_occluders_agree_with_the_placed_surface(opengl):
     import pyvista as pv
 
-    from viewer.drawing.body.occlusion import Occluders, Surface
+    from viewer.drawing.body.body_view import Occluders, Surface
 
     rng = np.random.default_rng(3)
     meshes = {"ball": pv.Sphere(radius=0.2), "box": pv.Cube(x_length=0.3), "none": pv.PolyData()}

@@ -23,7 +23,7 @@ def touched(at_rest, press):
 def test_gltf_holds_links_and_taxels_at_their_places_and_colours(touched, tmp_path):
     import trimesh
 
-    from viewer.export.gltf import T_GLTF_WORLD, write_gltf
+    from viewer.export.html_page import T_GLTF_WORLD, write_gltf
 
     path = write_gltf(touched, tmp_path / "scene.glb")
     scene = trimesh.load(path)

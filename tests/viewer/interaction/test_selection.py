@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from viewer.interaction.mouse import Mouse, Pace
-from viewer.interaction.selection import Lasso, Selection, inside, reached
+from viewer.interaction.mouse import Lasso, Mouse, Pace, Selection, inside, reached
 
 SQUARE = np.array([[0.0, 0.0], [4.0, 0.0], [4.0, 4.0], [0.0, 4.0]])
 

@@ -7,8 +7,7 @@ import json
 import pytest
 
 from skinmap.errors import DataFormatError, MissingFileError, OutputError
-from viewer.interaction.saving import free_name
-from viewer.interaction.view_file import SavedView, load_view, save_view
+from viewer.interaction.view_file import SavedView, free_name, load_view, save_view
 
 VIEW = SavedView(
     "iCub", (1.0, 0.2, 0.1), (0.0, 0.0, 0.1), (0.0, 0.0, 1.0), 22.0, "still", "health", "discs",

@@ -10,8 +10,7 @@ import pytest
 
 from skinmap.live.contacts.contact_motion import Motion
 from skinmap.live.moment import Moment
-from skinmap.touch.images.contact_image import taxel_grid
-from skinmap.touch.images.paper_image import paper_images
+from skinmap.touch.images.contact_image import paper_images, taxel_grid
 from viewer.colours import class_colour
 from viewer.web.server import WebServer
 

@@ -9,7 +9,7 @@ import pytest
 
 from viewer import Layers
 from viewer.interaction.describe import describe, lines
-from viewer.interaction.selection import inside
+from viewer.interaction.mouse import inside
 from viewer.web.server import WebServer
 
 PLACE = """(taxel) => {

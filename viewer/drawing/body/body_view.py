@@ -7,17 +7,19 @@ mesh for a picture that rests, and a quick one for while it moves.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 import pyvista as pv
+from vtkmodules.vtkCommonCore import mutable
+from vtkmodules.vtkCommonDataModel import vtkPolyData, vtkStaticCellLocator
 from vtkmodules.vtkRenderingCore import vtkDataSetMapper
 
 from skinmap.arrays import FloatArray
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.skin.robot import Robot
+from viewer.colours import BODY
 from viewer.drawing.body.bare_body import Links, check_links, drawable
-from viewer.drawing.body.occlusion import Occluders
-from viewer.drawing.body.shading import shade
 from viewer.drawing.frame.camera import View, front_view, silhouette
 from viewer.drawing.skin.skin_layer import SkinLayer
 
@@ -169,3 +171,137 @@ def _size(corners: Mapping[str, FloatArray], poses: Mapping[str, FloatArray]) ->
     placed = [transform_points(poses[link], points) for link, points in corners.items()]
     points = np.concatenate([*placed, np.zeros((0, 3))])
     return float(np.ptp(points, axis=0).max()) if len(points) else 1.0
+
+
+# What stands in the way: rays against the links, which move with the joints.
+#
+# Each link keeps one search structure in its own frame, so that a new pose costs nothing.
+
+
+class Surface:
+    """One surface that does not move."""
+
+    def __init__(self, surface: vtkPolyData) -> None:
+        self._surface = surface
+        self._locator: vtkStaticCellLocator | None = None  # made when first asked
+
+    def blocks(self, start: FloatArray, end: FloatArray) -> bool:
+        """Whether the segment between two points (3,) meets the surface."""
+        if self._locator is None:
+            self._locator = vtkStaticCellLocator()
+            self._locator.SetDataSet(self._surface)
+            self._locator.BuildLocator()
+        # Typed by VTK as plain numbers, which it could not write to.
+        distance: Any = mutable(0.0)
+        sub: Any = mutable(0)
+        cell: Any = mutable(0)
+        hit, local = [0.0] * 3, [0.0] * 3
+        return bool(
+            self._locator.IntersectWithLine(
+                start.tolist(), end.tolist(), 1e-6, distance, hit, local, sub, cell
+            )
+        )
+
+
+class Occluders:
+    """The links of a body.
+
+    Parameters
+    ----------
+    meshes : mapping of str to pyvista.PolyData
+        In the frame of each link [m].
+    poses : mapping of str to (4, 4) float
+        T_root_link of each.
+    """
+
+    def __init__(self, meshes: Mapping[str, pv.PolyData], poses: Mapping[str, FloatArray]) -> None:
+        meshes = {link: mesh for link, mesh in meshes.items() if mesh.n_cells}
+        self.links = tuple(meshes)
+        self._surfaces = [Surface(mesh) for mesh in meshes.values()]
+        bounds = np.array([mesh.bounds for mesh in meshes.values()]).reshape(-1, 3, 2)
+        self._centres = bounds.mean(axis=2)
+        self._radii = np.linalg.norm(np.ptp(bounds, axis=2), axis=1) / 2
+        self.place(poses)
+
+    def place(self, poses: Mapping[str, FloatArray]) -> None:
+        """Move the links."""
+        T = np.array([poses[link] for link in self.links]).reshape(-1, 4, 4)
+        self._to_link = np.linalg.inv(T)
+        self._middles = np.einsum("kij,kj->ki", T[:, :3, :3], self._centres) + T[:, :3, 3]
+
+    def blocks(self, start: FloatArray, end: FloatArray) -> bool:
+        """Whether the segment between two points (3,) [m] meets any link."""
+        way = end - start
+        share = (self._middles - start) @ way / max(float(way @ way), 1e-12)
+        nearest = start + np.clip(share, 0.0, 1.0)[:, None] * way
+        near = np.linalg.norm(self._middles - nearest, axis=1) <= self._radii
+        for k in np.flatnonzero(near):
+            T = self._to_link[k]
+            if self._surfaces[k].blocks(T[:3, :3] @ start + T[:3, 3], T[:3, :3] @ end + T[:3, 3]):
+                return True
+        return False
+
+
+# How the body is shaded: as cheaply as software rendering allows.
+#
+# VTK's own light loop and its depth offset cost as much as the rest of a link together: the offset
+# is written for each pixel, which rules out testing depth before shading. Here two fixed lights
+# take two dot products, and the body is pushed back for each vertex.
+
+AMBIENT = 0.25
+DIFFUSE = 0.75
+HEADLIGHT, FILL = 0.8, 0.35  # strengths of both lights
+FILL_FROM = (-0.6, 1.2, 1.0)  # above the left shoulder of who looks: right, up, towards the eye
+PUSH = """//VTK::PositionVC::Impl
+  // The projection's third row is a times its fourth, but for the constant b: depth is a + b / w
+  // with the distance w, so that moving back by d gives a + b / (w + d).
+  vec3 awayPB = vec3(MCDCMatrix[0][3], MCDCMatrix[1][3], MCDCMatrix[2][3]);
+  vec3 depthPB = vec3(MCDCMatrix[0][2], MCDCMatrix[1][2], MCDCMatrix[2][2]);
+  float aPB = dot(depthPB, awayPB) / max(dot(awayPB, awayPB), 1.0e-12);
+  float bPB = gl_Position.z - aPB * gl_Position.w;
+  gl_Position.z = (aPB + bPB / (gl_Position.w + %.6f)) * gl_Position.w;
+"""
+# In the place of all of VTK's own lines there: the last of them discards what has no opacity, and
+# a shader that may discard has its depth written late.
+LIGHT = """  float headSB = max(0.0, normalVCVSOutput.z);
+  float fillSB = max(0.0, dot(normalVCVSOutput, vec3(%.6f, %.6f, %.6f)));
+  gl_FragData[0] = vec4(ambientColor + (%.6f * headSB + %.6f * fillSB) * diffuseColor, opacity);
+"""
+
+
+FLAT = "  gl_FragData[0] = vec4(ambientColor + diffuseColor, opacity);\n"
+
+
+def shade(actor: pv.Actor, *, behind: float) -> None:
+    """Give an actor the body's look.
+
+    Parameters
+    ----------
+    actor : pyvista.Actor
+        Of a mesh with normals.
+    behind : float
+        How far behind its place it is drawn [m]: skin that lies on it stays whole.
+    """
+    actor.prop.color = BODY
+    actor.prop.ambient, actor.prop.diffuse, actor.prop.specular = AMBIENT, DIFFUSE, 0.0
+    actor.prop.culling = "back"
+    shader: Any = actor.GetShaderProperty()
+    shader.ClearAllShaderReplacements()
+    shader.AddVertexShaderReplacement("//VTK::PositionVC::Impl", True, PUSH % behind, False)
+    light(actor)
+
+
+def light(actor: pv.Actor) -> None:
+    """Light an actor that has normals by the two fixed lights."""
+    fill = np.array(FILL_FROM) / np.linalg.norm(FILL_FROM)
+    _colour_pixels(actor, LIGHT % (*fill, HEADLIGHT, FILL))
+
+
+def flat(actor: pv.Actor) -> None:
+    """Show an opaque actor without lighting in its own colours."""
+    _colour_pixels(actor, FLAT)
+
+
+def _colour_pixels(actor: pv.Actor, code: str) -> None:
+    shader: Any = actor.GetShaderProperty()
+    shader.AddFragmentShaderReplacement("//VTK::Light::Impl", True, code, False)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
@@ -12,7 +12,6 @@ from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import UnknownNameError
-from viewer.drawing.body.occlusion import Blocks
 from viewer.drawing.words.labels import Coverage
 
 VIEW_ANGLE = 22.0  # vertical [deg]: long enough a lens that limbs keep their proportions
@@ -42,6 +41,13 @@ PRESETS = {
     "right": (-90.0, RISE),
     "top": (0.0, TOP),
 }
+
+
+class Blocks(Protocol):
+    """Anything that can stand between two points."""
+
+    def blocks(self, start: FloatArray, end: FloatArray) -> bool:
+        """Whether the segment between two points (3,) [m] is interrupted."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,8 +15,7 @@ from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.topology import border_edges
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.touch.contacts.skin_geometry import ACTIVE
-from skinmap.touch.images.contact_image import taxel_grid
-from skinmap.touch.images.paper_image import SIZE, paper_images
+from skinmap.touch.images.contact_image import SIZE, paper_images, taxel_grid
 from viewer.colours import FAINT, PANEL, RIM, touch_colour
 from viewer.drawing.frame.camera import look_down
 from viewer.drawing.frame.polydata import add_actor, make_lines
@@ -34,7 +33,7 @@ from viewer.drawing.touches.touch_marks import (
     trail_on,
 )
 from viewer.drawing.touches.traces import TracePlot
-from viewer.drawing.words.text_lines import Line, small_font
+from viewer.drawing.words.shapes import Line, small_font
 from viewer.layers import Layer
 
 SIDE = 0.07  # free at both sides, in widths of the panel

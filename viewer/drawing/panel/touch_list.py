@@ -11,7 +11,7 @@ from skinmap.live.contacts.contact_forces import ContactForce
 from skinmap.live.contacts.named_touch import NamedTouch
 from viewer.colours import FAINT, INK, ink_on, touch_colour
 from viewer.colours import faded as pale
-from viewer.drawing.words.text_lines import Line, small_font
+from viewer.drawing.words.shapes import Line, small_font
 
 HEAD, ROW, TIGHT = 1.9, 2.95, 1.5  # heights in font heights: title, two lines, one line
 LETTER, GAP = 0.46, "   "  # mean width of a letter in its height; between two words

@@ -11,7 +11,7 @@ import pyvista as pv
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import transform_directions, transform_points
 from viewer.colours import RIM
-from viewer.drawing.body.shading import light
+from viewer.drawing.body.body_view import light
 from viewer.drawing.frame.polydata import add_actor, make_mesh
 from viewer.drawing.skin.skin_layer import SkinLayer
 from viewer.drawing.skin.taxel_drawing import (
@@ -24,8 +24,7 @@ from viewer.drawing.skin.taxel_drawing import (
     with_values,
     write,
 )
-from viewer.health import STALE, STATES
-from viewer.layers import Layer, Layers
+from viewer.layers import STALE, STATES, Layer, Layers
 
 SIGNED = np.array([state in SIGNS for state in STATES])  # whether a taxel of that state has a sign
 

@@ -19,7 +19,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import UnknownNameError
 from skinmap.geometry.triangles import unit
 from viewer.colours import DOT, INK, SHEET, UNKNOWN, rgb
-from viewer.drawing.body.shading import flat, light
+from viewer.drawing.body.body_view import flat, light
 from viewer.drawing.frame.polydata import add_actor, make_mesh
 from viewer.drawing.skin.draw_positions import DISC_SHARE, Places, polygons
 from viewer.drawing.skin.refinement import unsplit

@@ -16,8 +16,7 @@ from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from viewer.colours import FAINT, INK, TRACES
 from viewer.drawing.words.labels import Box
-from viewer.drawing.words.shapes import Shape, Shapes, tint
-from viewer.drawing.words.text_lines import Line, small_font
+from viewer.drawing.words.shapes import Line, Shape, Shapes, small_font, tint
 
 Course = Literal["force", "pressure", "area", "probability", "speed"]
 COURSES: tuple[Course, ...] = get_args(Course)

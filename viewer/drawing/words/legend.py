@@ -11,8 +11,7 @@ from vtkmodules.vtkRenderingCore import vtkRenderer
 from viewer.colours import FAINT, INK
 from viewer.drawing.skin.taxel_drawing import SIGNS, fade, sign_quads
 from viewer.drawing.words.labels import Box
-from viewer.drawing.words.shapes import Shape, Shapes, rectangle, tint
-from viewer.drawing.words.text_lines import Line, small_font
+from viewer.drawing.words.shapes import Line, Shape, Shapes, rectangle, small_font, tint
 from viewer.layers import Layer
 
 LEFT, BOTTOM = 1.5, 3.4  # of the legend [font heights]
