@@ -76,7 +76,6 @@ MAX_BYTES = 64_000_000  # kept for a slow reader: 3.7 s of a whole iCub at 1 kHz
 OVERHEAD = 512  # bytes of a block beside its numbers: narrow ones weigh little else
 POLL = 0.1  # the thread looks so often whether it is to stop [s]
 SILENT = 0.8  # without a sign of life, a source counts as dead: well within a second [s]
-LATE = 2.0  # periods after the one before, from which a block counts as late
 
 
 class Receiver(Relay):
@@ -109,8 +108,6 @@ class Receiver(Relay):
     def __init__(self, source: Source, *, most_bytes: int = MAX_BYTES) -> None:
         super().__init__(as_source(source))
         self._kept: BoundedQueue[Block] = BoundedQueue(most_bytes)
-        self._counting = threading.Lock()
-        self._arrived = float("nan")
         self._last_seen = time.perf_counter()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._work, name="receiver", daemon=True)
@@ -120,12 +117,9 @@ class Receiver(Relay):
     def counts(self) -> Counts:
         """What happened so far; a copy."""
         theirs = self.source.counts
-        with self._counting:
-            counts = replace(self._counts)
-        counts.lost += theirs.lost
-        counts.refused += theirs.refused
-        counts.reconnects += theirs.reconnects
-        return counts
+        return replace(
+            self._counts, lost=theirs.lost, refused=theirs.refused, reconnects=theirs.reconnects
+        )
 
     @property
     def last_seen(self) -> float:
@@ -147,7 +141,6 @@ class Receiver(Relay):
         blocks = self._kept.take_all(timeout)
         if not blocks:
             return None
-        self._count(given=sum(map(len, blocks)))
         if len(blocks) == 1:
             return blocks[0]
         return Block(
@@ -173,21 +166,6 @@ class Receiver(Relay):
                 return
             if block is not None and len(block):
                 self._last_seen = time.perf_counter()
-                self._keep(block)
-
-    def _keep(self, block: Block) -> None:
-        rate = self.info.rate
-        late = rate > 0 and block.arrived - self._arrived > LATE / rate
-        self._arrived = block.arrived
-        self._count(received=len(block), delayed=int(late))
-        gone = self._kept.push(block, block.values.nbytes + block.times.nbytes + OVERHEAD)
-        self._count(dropped=sum(map(len, gone)))
-
-    def _count(
-        self, *, received: int = 0, given: int = 0, dropped: int = 0, delayed: int = 0
-    ) -> None:
-        with self._counting:
-            self._counts.received += received
-            self._counts.given += given
-            self._counts.dropped += dropped
-            self._counts.delayed += delayed
+                self._counts.received += len(block)
+                size = block.values.nbytes + block.times.nbytes + OVERHEAD
+                self._counts.dropped += sum(map(len, self._kept.push(block, size)))

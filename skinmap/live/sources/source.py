@@ -39,8 +39,6 @@ class Counts:
     ----------
     received : int
         Number of samples that arrived.
-    given : int
-        Number of samples that a receiver passed on.
     used : int
         Number of samples used for contacts.
     lost : int
@@ -49,8 +47,6 @@ class Counts:
         Left out because they were not used in time.
     refused : int
         Messages that do not follow their layout.
-    delayed : int
-        Blocks that came more than two periods after the one before.
     late, repeated : int
         Older than one that came before; of the same time: left out.
     short, long : int
@@ -66,12 +62,10 @@ class Counts:
     """
 
     received: int = 0
-    given: int = 0
     used: int = 0
     lost: int = 0
     dropped: int = 0
     refused: int = 0
-    delayed: int = 0
     late: int = 0
     repeated: int = 0
     short: int = 0
