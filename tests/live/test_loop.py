@@ -21,7 +21,7 @@ from skinmap.live import namer
 from skinmap.live.loop import TouchLoop
 from skinmap.live.publishing.publish import Publisher
 from skinmap.live.sources.playback import Playback
-from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
 from skinmap.recognition.classifier import classifiers
 from skinmap.recognition.descriptors import Touch
 from skinmap.recognition.named_classifiers import default_model
@@ -32,11 +32,14 @@ N = 48
 INFO = StreamInfo("planted", (PART,), (N,), RATE)
 
 
-class Planted:
+class Planted(Source):
     """A source of blocks that are there already, and of exceptions; then it is silent or ends."""
 
+    speed = 1.0
+
     def __init__(self, things, info=INFO, *, ends=True):
-        self.info, self.things, self.ends = info, list(things), ends
+        super().__init__(info)
+        self.things, self.ends = list(things), ends
         self.closed = 0
         self.quiet = threading.Event()
 

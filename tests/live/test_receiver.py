@@ -9,16 +9,16 @@ import pytest
 
 from skinmap.errors import UnreachableError
 from skinmap.live.sources.receiver import OVERHEAD, Receiver
-from skinmap.live.sources.source import Block, Counts, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, Counts, Source, SourceEnded, StreamInfo
 
 WIDTH = 4
 
 
-class Scripted:
+class Scripted(Source):
     """Gives planted blocks, then ends, raises or stays silent."""
 
     def __init__(self, blocks, then: object = "silence", rate: float = 0.0, kind="pressure"):
-        self.info = StreamInfo("planted", ("arm",), (WIDTH,), rate, kind)
+        super().__init__(StreamInfo("planted", ("arm",), (WIDTH,), rate, kind))
         self.blocks = deque(blocks)
         self.then = then
         self.empty = threading.Event()
@@ -120,7 +120,7 @@ def test_receiver_wakes_who_waits_when_closed():
 
 def test_receiver_believes_a_source_that_says_when_it_was_last_seen():
     source = Scripted([block(1.0)])
-    source.last_seen = seen = time.perf_counter() - 100.0
+    source._last_seen = seen = time.perf_counter() - 100.0
     receiver = Receiver(source)
     assert receiver.read(30.0) is not None
     # A block taken later than it came must not make the source seem younger.

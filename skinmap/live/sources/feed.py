@@ -13,7 +13,6 @@ from skinmap.live.sources.source import (
     Counts,
     Source,
     StreamInfo,
-    as_source,
 )
 
 STALE = 0.5  # seconds without a sample that are shown; a source slower than that has three periods
@@ -38,7 +37,7 @@ class Feed:
     """
 
     def __init__(self, source: Source, counts: Counts) -> None:
-        self.source, self._counts = as_source(source), counts
+        self.source, self._counts = source, counts
         self.stale = False
         self.arrived = time.perf_counter()
         self._heard = float("nan")  # until somebody listens

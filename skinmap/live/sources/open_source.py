@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from skinmap.errors import InvalidArrayError, MissingFileError, UnknownNameError
-from skinmap.live.sources.source import Source, as_source
+from skinmap.errors import BrokenPluginError, InvalidArrayError, MissingFileError, UnknownNameError
+from skinmap.live.sources.source import Source
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
 
@@ -95,7 +95,7 @@ def open_source(
     UnreachableError
         Nothing answers at an address.
     BrokenPluginError
-        A plug-in whose source lacks `info`, `read` or `close`.
+        A plug-in that gives something else than a `Source`.
 
     Examples
     --------
@@ -112,7 +112,12 @@ def open_source(
         if name in sources.names():
             open_one = sources.get(name)
             made = open_one(address, robot=robot, parts=parts, seed=seed, speed=speed, loop=loop)
-            return as_source(made)
+            if not isinstance(made, Source):
+                raise BrokenPluginError(
+                    f"{name!r} gives a {type(made).__name__}, which does not derive from "
+                    "skinmap.live.Source (docs/live.md)"
+                )
+            return made
     path = Path(spec)
     if not path.exists():
         if path.suffix.lower() in FILES or path.name != str(spec):

@@ -20,7 +20,6 @@ from skinmap.live.sources.source import (
     Source,
     SourceEnded,
     StreamInfo,
-    as_source,
 )
 
 
@@ -106,7 +105,7 @@ class Receiver(Relay):
     """
 
     def __init__(self, source: Source, *, most_bytes: int = MAX_BYTES) -> None:
-        super().__init__(as_source(source))
+        super().__init__(source)
         self._kept: BoundedQueue[Block] = BoundedQueue(most_bytes)
         self._last_seen = time.perf_counter()
         self._stop = threading.Event()

@@ -7,8 +7,6 @@ What has happened to the samples of a stream, on the way and here: one set of na
 
 What a stream says of the skin it comes from, and whether it is the skin we have.
 
-Sources that do not derive from `Source`: the one place that asks what such a one has.
-
 `PolledSource` is a source of one part, made of a function that asks a device for new samples.
 """
 
@@ -25,7 +23,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import FloatArray, check_finite, freeze
-from skinmap.errors import BrokenPluginError, InvalidArrayError, SkinMismatchError
+from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.io.recordings.recorded_stream import Kind, StreamInfo
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, fingerprint
@@ -315,12 +313,12 @@ class Seekable(Source):
 
 
 def _theirs(name: str) -> Any:
-    """A member that is the other source's own; `Source` answers where a foreign one has none."""
-
-    def get(self: Relay) -> Any:
-        return getattr(self.source if hasattr(self.source, name) else super(Relay, self), name)
-
-    return property(get, lambda self, value: setattr(self.source, name, value), doc="Theirs.")
+    """A member that is the other source's own."""
+    return property(
+        lambda self: getattr(self.source, name),
+        lambda self, value: setattr(self.source, name, value),
+        doc="Theirs.",
+    )
 
 
 class Relay(Source):
@@ -480,46 +478,6 @@ def of_robot(
 def skin_of(info: StreamInfo) -> tuple[object, ...]:
     """What of a stream must stay the same when it comes back."""
     return info.parts, info.widths, info.kind, info.fingerprints
-
-
-NEEDED = ("info", "read", "close")
-LED = ("speed", "loop", "duration", "position", "seek")  # what a recording has
-
-
-def as_source(found: Any) -> Source:
-    """What a plug-in gave as a `Source`, itself or wrapped.
-
-    Raises
-    ------
-    BrokenPluginError
-        It lacks what every source has (says what).
-    """
-    if isinstance(found, Source):
-        return found
-    lacking = [name for name in NEEDED if not hasattr(found, name)]
-    if lacking:
-        raise BrokenPluginError(
-            f"{type(found).__name__} has no {', '.join(map(repr, lacking))}; a source has "
-            "'info', 'read' and 'close' (docs/live.md)"
-        )
-    if all(hasattr(found, name) for name in LED):
-        return _ForeignRecording(found)
-    return _ForeignSource(found)
-
-
-class _ForeignSource(Relay):
-    """Adapter of a source that does not derive from ours."""
-
-    @property
-    def counts(self) -> Counts:
-        theirs = getattr(self.source, "counts", None)
-        return theirs if isinstance(theirs, Counts) else self._counts
-
-
-class _ForeignRecording(_ForeignSource, Seekable):
-    """Adapter of a foreign recording."""
-
-    speed, loop, duration, position, seek = map(_theirs, LED)
 
 
 Poll = Callable[[float, Counts], Iterable[Any]]

@@ -2,8 +2,7 @@
 
 `check_source(make)` opens what `make()` gives, reads it, closes it, and checks that
 
-1. it has `info`, a `StreamInfo`, and the methods `read` and `close`; of the other members of
-   `Source` those that it has are of their kind, and a recording has all of `Seekable`;
+1. it is a `Source`, its `info` is a `StreamInfo`, and its other members are of their kind;
 2. something comes within the time given;
 3. `read` gives a `Block` of at least one sample, or None once its timeout is over, or raises
    `SourceEnded`;
@@ -24,13 +23,12 @@ import numpy as np
 
 from skinmap.errors import BrokenPluginError, UnreachableError
 from skinmap.live.sources.source import (
-    LED,
     Block,
     Counts,
     Seekable,
+    Source,
     SourceEnded,
     StreamInfo,
-    as_source,
 )
 
 POLL = 0.2  # asked for at a time [s]
@@ -63,13 +61,14 @@ def check_source(make: Callable[[], Any], *, samples: int = 20, seconds: float =
     >>> skinmap.live.check_source(made)
     """
     try:
-        made = make()
+        source = make()
     except Exception as error:
         raise BrokenPluginError(f"cannot be opened: {error!r}") from error
-    source = as_source(made)
+    kind = type(source).__name__
+    _require(isinstance(source, Source), f"{kind} does not derive from skinmap.live.Source")
     info: object = source.info
     _require(isinstance(info, StreamInfo), f"info is a {type(info).__name__}, expected StreamInfo")
-    _check_members(made)
+    _check_members(source)
     blocks = _read(source, samples, seconds)
     _require(bool(blocks), f"nothing came within {seconds:g} s")
     _check_times(blocks)
@@ -92,23 +91,16 @@ def check_source(make: Callable[[], Any], *, samples: int = 20, seconds: float =
     _require(time.perf_counter() - began < 30.0, "read after close must end at once")
 
 
-def _check_members(made: Any) -> None:
-    """What a source need not have, where it has it."""
-    counts = made.counts if hasattr(made, "counts") else Counts()
+def _check_members(source: Source) -> None:
+    """What a source need not define, where it does."""
+    counts: object = source.counts
     _require(isinstance(counts, Counts), f"counts is a {type(counts).__name__}, expected Counts")
     for name in ("speed", "last_seen"):
-        value = getattr(made, name, 0.0)
+        value = getattr(source, name)
         _require(isinstance(value, int | float), f"{name} is {value!r}, expected a number")
-    told = made.angles_at(0.0) if hasattr(made, "angles_at") else {}
+    told: object = source.angles_at(0.0)
     sound = isinstance(told, Mapping) and all(isinstance(one, float) for one in told.values())
     _require(sound, f"angles_at gives {told!r}, expected angles [rad] by joint")
-    has = [name for name in LED if hasattr(made, name)]
-    lacks = [name for name in LED if name not in has]
-    _require(
-        not lacks or "seek" not in has,
-        f"has 'seek' but no {', '.join(map(repr, lacks))}; a recording has all of "
-        f"{', '.join(map(repr, LED))}",
-    )
 
 
 def _read(source: Any, samples: int, seconds: float) -> list[Block]:
