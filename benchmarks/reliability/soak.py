@@ -16,7 +16,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 from benchmarks.harness.record import RESULTS, afresh, commit
-from benchmarks.live import live, live_memory, recordings
+from benchmarks.live import live, recordings
 from benchmarks.reliability import cuts, full_disk, large, stops
 from benchmarks.reliability.page import rows
 from benchmarks.viewer import page_soak, viewer_soak
@@ -112,7 +112,7 @@ PARTS: dict[str, Part] = {
     "kills": lambda quick: _kills(quick, 0),
     "kills beside": lambda quick: _kills(quick, 3),
     "press": _press,
-    "loop": lambda quick: _long(live_memory.soak_icub, 1500 if quick else SAMPLES, MOST_GROWN_MB),
+    "loop": lambda quick: _long(live.soak_icub, 1500 if quick else SAMPLES, MOST_GROWN_MB),
     "window": lambda quick: _long(
         viewer_soak.soak_torso, 500 if quick else UPDATES, MOST_WINDOW_MB
     ),

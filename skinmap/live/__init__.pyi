@@ -11,7 +11,7 @@ from skinmap.live.sources.source import PolledSource as PolledSource
 from skinmap.live.sources.source import Relay as Relay
 from skinmap.live.sources.source import Seekable as Seekable
 from skinmap.live.sources.source import Source as Source
-from skinmap.live.sources.source_check import check_source as check_source
+from skinmap.live.sources.source import check_source as check_source
 
 __all__ = [
     "Moment",

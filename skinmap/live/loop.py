@@ -29,8 +29,9 @@ from skinmap.live.response.pressures import Response, Responses
 from skinmap.live.response.rest_gate import RestGate
 from skinmap.live.response.sample_checks import SampleChecks
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.live.sources.feed import STALE, Feed
 from skinmap.live.sources.source import (
+    SIMULATION,
+    Block,
     Counts,
     Seekable,
     Source,
@@ -51,6 +52,94 @@ from skinmap.touch.prepared_skin import PreparedSkin
 if TYPE_CHECKING:
     from skinmap.live.response.loads import PartLoads
     from skinmap.touch.load_calibration import LoadCalibration
+
+STALE = 0.5  # seconds without a sample that are shown; a source slower than that has three periods
+ARRIVALS = 64  # blocks that the present rate is taken from
+
+
+class Feed:
+    """Reads a source and notices that nothing comes.
+
+    Parameters
+    ----------
+    source : Source
+    counts : Counts
+        That it adds to.
+
+    Attributes
+    ----------
+    stale : bool
+        Whether nothing has come for a while.
+    arrived : float
+        `perf_counter` when the newest sample came [s].
+    """
+
+    def __init__(self, source: Source, counts: Counts) -> None:
+        self.source, self._counts = source, counts
+        self.stale = False
+        self.arrived = time.perf_counter()
+        self._heard = float("nan")  # until somebody listens
+        self._arrivals: deque[tuple[float, int]] = deque(maxlen=ARRIVALS)
+        self._came = 0
+        self._speed = 1.0  # that the arrivals were at
+
+    @property
+    def info(self) -> StreamInfo:
+        """What the source says of itself."""
+        return self.source.info
+
+    @property
+    def rate(self) -> float:
+        """Samples a second that came lately; 0 where none comes, NaN where unknown."""
+        if self.stale:
+            return 0.0
+        if len(self._arrivals) < 2 or np.isinf(self._speed):
+            return float("nan")
+        (first, before), (last, after) = self._arrivals[0], self._arrivals[-1]
+        return (after - before) / (last - first) if last > first else float("nan")
+
+    def read(self, timeout: float) -> Block | None:
+        """What has come; waits `timeout` [s] at most, and no longer than until it is stale.
+
+        Raises
+        ------
+        SourceEnded
+            A recording is over.
+        UnreachableError
+            The source died for good.
+        """
+        if np.isnan(self._heard):
+            self._heard = time.perf_counter()
+        until_stale = self._heard + self._patience() - time.perf_counter()
+        wait = timeout if self.stale else min(timeout, max(until_stale, 0.0))
+        block = self.source.read(wait)
+        if block is not None:
+            self.stale = False
+            if self.source.speed != self._speed:
+                self._speed = self.source.speed
+                self._arrivals.clear()  # a rate over two speeds is that of neither
+            self._heard, self.arrived = time.perf_counter(), block.arrived
+            self._came += len(block)
+            self._arrivals.append((block.arrived, self._came))
+        return block
+
+    def falls_silent(self) -> bool:
+        """Whether nothing has come for too long, told once."""
+        if self.stale or time.perf_counter() - self._heard < self._patience():
+            return False
+        self.stale = True
+        self._counts.stale += self._came > 0  # what has not begun is not interrupted
+        return True
+
+    def _patience(self) -> float:
+        """Seconds without a sample after which the source is called stale."""
+        speed = self.source.speed
+        # What is made when it is asked for is never silent, only slow.
+        if speed == 0.0 or self.info.clock == SIMULATION:
+            return float("inf")
+        rate = self.info.rate * speed
+        return max(STALE, 3.0 / rate) if rate > 0 else STALE
+
 
 PACE = 100.0  # labels a second for each part at most
 MAX_SAMPLES = 64  # samples that one step works on
@@ -166,11 +255,8 @@ class TouchLoop(Summary):
             )
         self._listeners: list[Callable[[Moment], object]] = []
         self._runs: deque[tuple[bool, FloatArray, NDArray[Any]]] = deque()
-        zeros = np.zeros(len(self._skin))
-        self._last: tuple[float, FloatArray, NDArray[Any]] = (float("nan"), zeros, zeros)
-        self._block: tuple[FloatArray, NDArray[Any], NDArray[Any]] = (
-            np.zeros(0), zeros[None][:0], zeros[None][:0],
-        )  # fmt: skip
+        zeros: NDArray[Any] = np.zeros(len(self._skin))
+        self._block = np.full(1, np.nan), zeros[None], zeros[None]
         self._states: tuple[tuple[int, ...], dict[str, NDArray[Any]]] = ((), {})
         self._stuck = self._gate.rest.stuck
         self.naming = True
@@ -412,7 +498,6 @@ class TouchLoop(Summary):
             self._stuck = self._gate.rest.stuck
             self._book.withdraw(self._stuck)
         self.counts.used += len(times)
-        self._last = (float(times[-1]), pressures[-1], dense[-1])
         self._block = (times, pressures, dense)
 
     def _load_forces(self, calibrations: Mapping[str, LoadCalibration]) -> dict[str, PartLoads]:
@@ -455,8 +540,8 @@ class TouchLoop(Summary):
             self._namer.forget()
 
     def _show(self, *, stale: bool = False) -> Moment:
-        now, pressures, raw = self._last
         times, every, samples = self._block
+        now = float(times[-1])
         slices = self._skin.slices.items()
         touches, contacts = self._book.show(self._tracker.tracks)
         if self._loads:
@@ -464,9 +549,9 @@ class TouchLoop(Summary):
         latency = float("nan") if stale else time.perf_counter() - self.feed.arrived
         return Moment(
             now,
-            self._skin.split(pressures),
+            self._skin.split(every[-1]),
             touches,
-            self._skin.split(raw) if self.info.kind == "raw" else {},
+            self._skin.split(samples[-1]) if self.info.kind == "raw" else {},
             self.source.angles_at(now),
             stale=stale,
             rate=self.feed.rate,

@@ -23,7 +23,7 @@ from calibration.files.mount_files import read_wrenches
 from skinmap import archive
 from skinmap.errors import DataFormatError, InvalidArrayError, MessageError
 from skinmap.io.ros2.messages import points_of
-from skinmap.live.network.addresses import parse_address
+from skinmap.live.network.network_messages import parse_address
 from skinmap.touch.recording import Recording
 from viewer.interaction.view_file import load_view
 from viewer.web.hub import Client

@@ -14,8 +14,7 @@ from hypothesis import strategies as st
 
 from skinmap.errors import MessageError, OutputError, SkinMismatchError, UnreachableError
 from skinmap.live import check_source, open_publisher, open_source
-from skinmap.live.network.addresses import Address
-from skinmap.live.network.network_messages import Header, pack_info
+from skinmap.live.network.network_messages import Address, Header, pack_info
 from skinmap.live.network.zmq_stream import ZmqSource
 from skinmap.live.sources.receiver import SILENT
 from skinmap.live.sources.source import StreamInfo

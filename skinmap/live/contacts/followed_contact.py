@@ -47,7 +47,7 @@ class Track:
     taxels : (k,) int
         In the numbering of `JoinedSkin`.
     centre, normal : (3,) float
-    area, area_least, load, peak, mean : float
+    area, area_least, load, peak : float
         As measured last.
     stroke : Stroke
     heaviest : float
@@ -77,7 +77,6 @@ class Track:
     area_least: float = 0.0
     load: float = 0.0
     peak: float = 0.0
-    mean: float = 0.0
     stroke: Stroke | None = None
     heaviest: float = 0.0
     touch: int = -1
@@ -91,9 +90,8 @@ class Track:
         """Keep what was measured of it at `place`; whether its stroke has grown."""
         self.seen, self.into = time, -1
         self.centre, self.normal = found.centre[place], found.normal[place]
-        self.area, self.area_least = float(found.area[place]), float(found.area_least[place])
-        self.load = float(found.load[place])
-        self.peak, self.mean = float(found.peak[place]), float(found.mean[place])
+        for name in ("area", "area_least", "load", "peak"):
+            setattr(self, name, float(getattr(found, name)[place]))
         face = int(found.face[place])
         grown = False
         if self.stroke is None or time - self.began < SETTLED:

@@ -33,8 +33,8 @@ class Measured:
         Mean outward direction, weighted by pressure, unit length.
     area, area_least : (c,) float
         Sum of the taxels' areas, and the least of it that is covered [m2].
-    load, peak, mean : (c,) float
-        Sum, largest and mean of the pressures [counts].
+    load, peak : (c,) float
+        Sum and largest of the pressures [counts].
     """
 
     centre: FloatArray
@@ -44,7 +44,6 @@ class Measured:
     area_least: FloatArray
     load: FloatArray
     peak: FloatArray
-    mean: FloatArray
 
 
 class Components:
@@ -174,7 +173,6 @@ def measure(
         _sums(label, least, count),
         load,
         peak,
-        load / np.bincount(label, minlength=count),
     )
 
 

@@ -24,8 +24,8 @@ TOGETHER = 0.1  # the fingers of a hand that pats land within this time [s]
 STUCK = 0.5  # of its taxels: a touch with so many stuck ones was none
 SAME_PLACE = 0.04  # where the next press of a pat lands [m]
 UNSURE = (UNKNOWN, NO_CONTACT, UNNAMED)
+SAME = ("began", "area", "area_least", "peak", "presses", "period", "unfinished")
 NOBODY = Prediction(UNNAMED, float("nan"))
-NOTHING = 0.0, 0.0, 0.0, np.zeros(3)  # area, least area, load [counts], load times place
 
 
 @dataclass(eq=False, slots=True)
@@ -125,19 +125,16 @@ class TouchBook:
         for one, other in (swallowed or {}).items():
             if other in belongs:
                 belongs[one] = belongs[other]
-        sums: dict[int, tuple[float, float, float, FloatArray]] = {}
-        for track in tracks:
-            if len(track.taxels):
+        groups = _by_touch(tracks)
+        for number, members in groups.items():
+            for track in members:
                 self._add(track)
-                area, least, load, moment = sums.get(track.touch, NOTHING)
-                more = least + track.area_least, load + track.load
-                sums[track.touch] = area + track.area, *more, moment + track.load * track.centre
-        for number, (area, least, load, moment) in sums.items():
-            entry = self.entries[number]
+            entry, load = self.entries[number], sum(one.load for one in members)
             if load > entry.heaviest:
-                entry.heaviest, entry.place = load, moment / load
-            entry.area = max(entry.area, area)
-            entry.area_least = max(entry.area_least, least)
+                entry.heaviest = load
+                entry.place = np.sum([one.load * one.centre for one in members], axis=0) / load
+            entry.area = max(entry.area, sum(one.area for one in members))
+            entry.area_least = max(entry.area_least, sum(one.area_least for one in members))
             entry.pressed = load >= POOL_SHARE * entry.heaviest
         for number, entry in list(self.entries.items()):
             if number in alive:
@@ -162,7 +159,6 @@ class TouchBook:
                 del self.paused[number]
                 over.append(self._end(entry))
         if pressures is not None:
-            groups = _by_touch(tracks)
             self.motions.update(time, groups, pressures)
             several = [one for own in groups.values() if len(own) > 1 for one in own]
             self.pieces.update(time, {one.identity: [one] for one in several}, pressures)
@@ -338,40 +334,32 @@ class TouchBook:
             into.presses, into.pressed_at = entry.presses, entry.pressed_at
             into.released_at = entry.released_at
         into.began = min(into.began, entry.began)
-        into.area, into.peak = max(into.area, entry.area), max(into.peak, entry.peak)
-        into.area_least = max(into.area_least, entry.area_least)
-        into.length = max(into.length, entry.length)
+        for name in ("area", "area_least", "peak", "length"):
+            setattr(into, name, max(getattr(into, name), getattr(entry, name)))
         if entry.heaviest > into.heaviest:
             into.heaviest, into.place = entry.heaviest, entry.place
         into.contacts |= entry.contacts
         into.felt |= entry.felt
 
     def _event(self, entry: Entry) -> TouchEvent:
-        gone = self.motions.course(entry.identity)
+        gone, part = self.motions.course(entry.identity), self.skin.parts[entry.part]
+        skin = self.skin.skins[part].skin
         return TouchEvent(
             entry.identity,
-            self.skin.parts[entry.part],
+            part,
             entry.name.label,
             entry.name.confidence,
-            entry.began,
-            entry.seen,
-            entry.area,
-            entry.peak,
-            entry.length,
-            entry.centre if entry.place is None else entry.place,
-            len(entry.contacts),
-            entry.name.names,
-            gone.heading,
-            gone.up,
-            gone.right,
-            gone.speed,
-            entry.presses,
-            entry.period,
-            *entry.early,
-            tuple(self.skin.skins[self.skin.parts[entry.part]].skin.channels[entry.felt].tolist()),
-            entry.name.answers,
-            area_least=entry.area_least,
-            unfinished=entry.unfinished,
+            ended=entry.seen,
+            path_length=entry.length,
+            centre=entry.centre if entry.place is None else entry.place,
+            contacts=len(entry.contacts),
+            names=entry.name.names,
+            early=entry.early[0],
+            early_after=entry.early[1],
+            channels=tuple(skin.channels[entry.felt].tolist()),
+            answers=entry.name.answers,
+            **{name: getattr(entry, name) for name in SAME},
+            **{name: getattr(gone, name) for name in ("heading", "up", "right", "speed")},
         )
 
 

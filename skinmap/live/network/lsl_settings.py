@@ -20,8 +20,15 @@ from pathlib import Path
 from typing import Any, cast
 
 from skinmap.errors import InvalidArrayError, MessageError, MissingLibraryError, SkinWarning
-from skinmap.live.network.addresses import HERE, Address, warn_if_open
-from skinmap.live.network.network_messages import KINDS, MAX_CHANNELS, MAX_PARTS, VERSION
+from skinmap.live.network.network_messages import (
+    HERE,
+    KINDS,
+    MAX_CHANNELS,
+    MAX_PARTS,
+    VERSION,
+    Address,
+    warn_if_open,
+)
 from skinmap.live.sources.source import Kind, StreamInfo
 
 ANY = "any"

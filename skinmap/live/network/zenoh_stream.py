@@ -32,8 +32,14 @@ from skinmap.imports import import_optional
 from skinmap.io.ros2.message_types import dds_name, read, type_hash
 from skinmap.io.ros2.messages import read_cloud, read_text, text_message
 from skinmap.io.ros2.robot_topics import LATCHED
-from skinmap.live.network.addresses import HERE, Address, parse_address, warn_if_open
-from skinmap.live.network.network_messages import pack_info, unpack_info
+from skinmap.live.network.network_messages import (
+    HERE,
+    Address,
+    pack_info,
+    parse_address,
+    unpack_info,
+    warn_if_open,
+)
 from skinmap.live.publishing.publish import HEARTBEAT, Topic, repeated
 from skinmap.live.publishing.ros2_topics import TEXT, Ros2Publisher
 from skinmap.live.sources.receiver import SILENT, follow

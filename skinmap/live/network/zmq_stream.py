@@ -14,15 +14,17 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import MessageError, OutputError, SkinError, SkinMismatchError, UnreachableError
-from skinmap.live.network.addresses import Address, parse_address, warn_if_open
 from skinmap.live.network.network_messages import (
     DTYPES,
+    Address,
     Header,
     dtype_code,
     pack_info,
+    parse_address,
     unpack_header,
     unpack_info,
     unpack_values,
+    warn_if_open,
 )
 from skinmap.live.publishing.publish import HEARTBEAT, Publisher, Topic, repeated
 from skinmap.live.sources.receiver import SILENT, follow

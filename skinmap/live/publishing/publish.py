@@ -38,7 +38,7 @@ publishers: Registry[OpenPublisher] = Registry(
     "way to publish",
     "skinmap.publishers",
     built_in={
-        "foxglove": "skinmap.live.publishing.foxglove_publisher:FoxglovePublisher",
+        "foxglove": "skinmap.live.publishing.ros2_topics:FoxglovePublisher",
         "lsl": "skinmap.live.network.lsl_stream:LslPublisher",
         "zenoh": "skinmap.live.network.zenoh_stream:ZenohPublisher",
         "zmq": "skinmap.live.network.zmq_stream:ZmqPublisher",
