@@ -543,9 +543,9 @@ class TouchLoop(Summary):
         times, every, samples = self._block
         now = float(times[-1])
         slices = self._skin.slices.items()
-        touches, contacts = self._book.show(self._tracker.tracks)
+        touches = self._book.show(self._tracker.tracks)
         if self._loads:
-            touches, contacts = self._weighed(touches), self._weighed(contacts)
+            touches = self._weighed(touches)
         latency = float("nan") if stale else time.perf_counter() - self.feed.arrived
         return Moment(
             now,
@@ -557,7 +557,6 @@ class TouchLoop(Summary):
             rate=self.feed.rate,
             latency=latency,
             dropped=self.source.counts.dropped,
-            contacts=contacts,
             states=self.states(),
             skins=self.skins,
             block=(

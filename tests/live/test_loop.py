@@ -200,7 +200,6 @@ def test_moments_tell_all_of_a_touch(icub, prepared):
     (moment,) = list(TouchLoop(icub, source))
     (touch,) = moment.touches
     skin = prepared(PART)
-    assert moment.contacts == (touch,)
     assert touch.began == 1 / RATE
     assert touch.identity == 0
     assert touch.taxels.tolist() == [10, 11]
@@ -231,10 +230,7 @@ def test_a_classifier_names_live_touches_as_it_names_events(icub, prepared, mode
     assert sum(a == b for a, b in zip(said, truth, strict=True)) >= 13
     # Fingers that land together are one touch: no more touches than events and a few splits.
     assert len(ended) <= len(truth) + 3
-    several = [moment for moment in moments if len(moment.contacts) > len(moment.touches)]
-    assert several, "three fingers are three contacts of one touch"
-    for moment in moments:
-        assert {one.label for one in moment.contacts} == {one.label for one in moment.touches}
+    assert any(one.contacts > 1 for one in ended), "three fingers are three contacts of one touch"
 
 
 def test_a_classifier_that_fails_costs_names_and_no_sample(icub, prepared, model, monkeypatch):

@@ -78,8 +78,8 @@ class TouchBook:
         Touches that are over, oldest first; whoever reads takes them out.
     withdrawn : deque of TouchEvent
         The same of what turned out to be stuck taxels.
-    motions, pieces : MotionBook
-        How each moves, and each of several contacts of one.
+    motions : MotionBook
+        How each moves.
     paused : dict of int to Entry
         Short presses that are over, and may be the beginning of a pat: the next one at the same
         place goes on with their touch.
@@ -91,7 +91,7 @@ class TouchBook:
 
     def __init__(self, skin: JoinedSkin) -> None:
         self.skin = skin
-        self.motions, self.pieces = MotionBook(skin), MotionBook(skin)
+        self.motions = MotionBook(skin)
         self.entries: dict[int, Entry] = {}
         self.paused: dict[int, Entry] = {}
         self.parted: dict[int, int] = {}
@@ -160,8 +160,6 @@ class TouchBook:
                 over.append(self._end(entry))
         if pressures is not None:
             self.motions.update(time, groups, pressures)
-            several = [one for own in groups.values() if len(own) > 1 for one in own]
-            self.pieces.update(time, {one.identity: [one] for one in several}, pressures)
         return over
 
     def forget(self, *, cut: bool = False) -> None:
@@ -170,7 +168,6 @@ class TouchBook:
             entry.unfinished = cut and entry.seen >= self._now
         self.update([])
         self.motions.forget()
-        self.pieces.forget()
 
     def withdraw(self, stuck: BoolArray) -> None:
         """Take back the touches that last and consist of taxels (N,) found to be stuck."""
@@ -246,47 +243,24 @@ class TouchBook:
             entry.name = last
         (self.withdrawn if entry.stuck else self.ended).append(self._event(entry))
         self.motions.drop(entry.identity)
-        for contact in entry.contacts:
-            self.pieces.drop(contact)
         return entry.identity
 
-    def show(self, tracks: Sequence[Track]) -> tuple[tuple[NamedTouch, ...], ...]:
-        """The touches that are felt now, and their contacts one by one."""
-        touches, contacts = [], []
+    def show(self, tracks: Sequence[Track]) -> tuple[NamedTouch, ...]:
+        """The touches that are felt now."""
+        shown = []
         for number, members in _by_touch(tracks).items():
             entry = self.entries[number]
-            if entry.stuck:
-                continue
-            whole = self.motions.motion(
-                number, entry.part, members[0].normal, presses=entry.presses,
-                period=entry.period,
-            )  # fmt: skip
-            own = [
-                whole if len(members) == 1
-                else self.pieces.motion(one.identity, one.part, one.normal)
-                for one in members
-            ]  # fmt: skip
-            single = [
-                self._named([one], one.identity, one.began, entry.name, motion)
-                for one, motion in zip(members, own, strict=True)
-            ]
-            contacts += single
-            if len(members) == 1 and members[0].identity == number:
-                touches += single
-            else:
-                touches.append(self._named(members, number, entry.began, entry.name, whole))
-        return tuple(touches), tuple(contacts)
+            if not entry.stuck:
+                motion = self.motions.motion(
+                    number, entry.part, members[0].normal, presses=entry.presses,
+                    period=entry.period,
+                )  # fmt: skip
+                shown.append(self._named(members, entry, motion))
+        return tuple(shown)
 
-    def _named(
-        self,
-        members: list[Track],
-        number: int,
-        began: float,
-        name: Prediction,
-        motion: Motion | None,
-    ) -> NamedTouch:
+    def _named(self, members: list[Track], entry: Entry, motion: Motion | None) -> NamedTouch:
         """One or several contacts as a touch; the oldest says where it is."""
-        lead = members[0]
+        lead, name = members[0], entry.name
         start = self.skin.starts[lead.part]
         rows = [one.taxels for one in members]
         taxels = (rows[0] if len(rows) == 1 else np.sort(np.concatenate(rows))) - start
@@ -296,8 +270,8 @@ class TouchBook:
             lead.centre,
             name.label,
             name.confidence,
-            number,
-            began,
+            entry.identity,
+            entry.began,
             lead.normal,
             sum(one.area for one in members),
             max(one.peak for one in members),
