@@ -18,7 +18,6 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import (
     MessageError,
     OutputError,
-    SkinMismatchError,
     SkinWarning,
     UnknownNameError,
     UnreachableError,
@@ -40,9 +39,9 @@ from skinmap.live.sources.source import (
     Block,
     Source,
     StreamInfo,
+    check_same_skin,
     check_skin,
     of_robot,
-    skin_of,
 )
 from skinmap.skin.robot import Robot
 
@@ -187,11 +186,7 @@ class LslSource(Source):
             inlet, info = self._open(found[0])
         except (UnreachableError, MessageError):
             return False
-        if skin_of(info) != skin_of(self._info):
-            raise SkinMismatchError(
-                f"LSL stream {self._name!r} came back with another skin: {info.channels} "
-                f"{info.kind} channels of {', '.join(info.parts)}"
-            )
+        check_same_skin(self._info, info, f"LSL stream {self._name!r} came back with another skin")
         self._inlet, self._last_seen = inlet, time.perf_counter()
         self._counts.reconnects += 1
         return True

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import MessageError, OutputError, SkinError, SkinMismatchError, UnreachableError
+from skinmap.errors import MessageError, OutputError, SkinError, UnreachableError
 from skinmap.live.network.network_messages import (
     DTYPES,
     Address,
@@ -28,14 +28,21 @@ from skinmap.live.network.network_messages import (
 )
 from skinmap.live.publishing.publish import HEARTBEAT, Publisher, Topic, repeated
 from skinmap.live.sources.receiver import SILENT, follow
-from skinmap.live.sources.source import MAX_BLOCK, Block, Source, StreamInfo, check_skin
+from skinmap.live.sources.source import (
+    MAX_BLOCK,
+    Block,
+    Source,
+    StreamInfo,
+    check_same_skin,
+    check_skin,
+)
 from skinmap.skin.robot import Robot
 
 logger = logging.getLogger(__name__)
 
 WAIT = 3.0  # for a publisher's description [s]
 LARGEST_INFO = 1 << 16  # bytes of a description that are read
-QUEUED_BYTES = 16_000_000  # kept by ZeroMQ itself while nobody reads
+QUEUED_BYTES = 16_000_000  # kept by ZeroMQ itself at each end for who reads too slowly
 FRAMES = 3  # of a sample: topic, header, values
 
 
@@ -149,17 +156,7 @@ class ZmqSource(Source):
         if description == self._description:
             return
         info = unpack_info(description)
-        mine = self._info
-        if (info.parts, info.widths, info.kind) != (mine.parts, mine.widths, mine.kind):
-            raise SkinMismatchError(
-                f"{self.address.endpoint} sends another skin now: {info.channels} {info.kind} "
-                f"channels of {', '.join(info.parts)}, before {mine.channels} {mine.kind} "
-                f"channels of {', '.join(mine.parts)}"
-            )
-        if info.fingerprints != mine.fingerprints:
-            raise SkinMismatchError(
-                f"{self.address.endpoint} sends another skin now: its layout has changed"
-            )
+        check_same_skin(self._info, info, f"{self.address.endpoint} sends another skin now")
         self._description = description
 
     def _follow(self, header: Header) -> None:
@@ -206,7 +203,7 @@ class ZmqSource(Source):
         socket = self._context.socket(zmq.SUB)
         # What is larger than the declared skin is not read: ZeroMQ cuts the connection.
         socket.maxmsgsize = max(4 * self._info.channels, LARGEST_INFO)
-        socket.rcvhwm = int(np.clip(QUEUED_BYTES // (4 * self._info.channels), 16, 10_000))
+        socket.rcvhwm = _queued(self._info)
         socket.subscribe(b"info")
         socket.subscribe(self._info.kind.encode())
         self._connect(socket)
@@ -225,6 +222,11 @@ class ZmqSource(Source):
             raise UnreachableError(f"cannot reach {self.address.endpoint}: {error}") from error
 
 
+def _queued(info: StreamInfo) -> int:
+    """Samples that ZeroMQ keeps at most."""
+    return int(np.clip(QUEUED_BYTES // (4 * info.channels), 16, 10_000))
+
+
 def open_zmq(
     address: str, *, robot: Robot | None, parts: Sequence[str] | None, **_: object
 ) -> Source:
@@ -233,7 +235,6 @@ def open_zmq(
 
 
 LINGER = 200  # for what is on its way when the publisher closes [ms]
-QUEUED_BYTES = 16_000_000  # for a follower who reads too slowly, before it loses samples
 
 
 class ZmqPublisher(Publisher):
@@ -265,7 +266,7 @@ class ZmqPublisher(Publisher):
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.PUB)
         # Bounded by bytes: so many float32 samples of this skin.
-        self._socket.sndhwm = int(np.clip(QUEUED_BYTES // (4 * info.channels), 16, 10_000))
+        self._socket.sndhwm = _queued(info)
         self._socket.linger = 0
         try:
             self._socket.bind(self._address.endpoint)

@@ -273,28 +273,13 @@ class Seekable(Source):
     0.2
     """
 
+    speed: float
+    loop: bool
+
     @property
     def seekable(self) -> bool:
         """Always."""
         return True
-
-    @property
-    @abstractmethod
-    def speed(self) -> float:
-        """Speed as a multiple of the recorded one; `inf` gives all at once, 0 halts."""
-
-    @speed.setter
-    @abstractmethod
-    def speed(self, speed: float) -> None: ...
-
-    @property
-    @abstractmethod
-    def loop(self) -> bool:
-        """Whether it starts again at its end."""
-
-    @loop.setter
-    @abstractmethod
-    def loop(self, loop: bool) -> None: ...
 
     @property
     @abstractmethod
@@ -455,9 +440,20 @@ def of_robot(
     return describe_skins(info.name, robot.name, skins, info.rate, info.kind, info.clock)
 
 
-def skin_of(info: StreamInfo) -> tuple[object, ...]:
-    """What of a stream must stay the same when it comes back."""
-    return info.parts, info.widths, info.kind, info.fingerprints
+def check_same_skin(before: StreamInfo, now: StreamInfo, what: str) -> None:
+    """Refuse to go on with a stream that came back with another skin.
+
+    Raises
+    ------
+    SkinMismatchError
+    """
+    names = "parts", "widths", "kind", "fingerprints"
+    if any(getattr(before, name) != getattr(now, name) for name in names):
+        layout = before.fingerprints != now.fingerprints
+        raise SkinMismatchError(
+            f"{what}: {now.channels} {now.kind} channels of {', '.join(now.parts)}"
+            + " in another layout" * layout
+        )
 
 
 Poll = Callable[[float, Counts], Iterable[Any]]
