@@ -253,6 +253,7 @@ class TouchLoop(Summary):
             self._namer = Namer(
                 self._skin, classifier, rule=rule, rate=info.rate, pace=pace, live=self.live
             )
+            self._book.part = self._namer.rename
         self._listeners: list[Callable[[Moment], object]] = []
         self._runs: deque[tuple[bool, FloatArray, NDArray[Any]]] = deque()
         zeros: NDArray[Any] = np.zeros(len(self._skin))
@@ -485,15 +486,15 @@ class TouchLoop(Summary):
             loads.take(dense[:, self._skin.slices[part]], bool(touched.any()))
         for row, now in enumerate(times.tolist()):
             self._tracker.update(now, touched[row])
-            tracks = self._tracker.tracks
-            self._keep_book(now, touched[row])
+            tracks, swallowed = self._tracker.tracks, self._tracker.swallowed
+            self._book.update(tracks, None, swallowed, time=now, pressures=touched[row])
             if self._namer is not None and self.naming:
                 self._namer.push(now, touched[row], tracks, self._book.lasting)
             # Which samples come together is the clock's doing: only live ones are named by that.
             due = not live or row == last or row % NAMED == NAMED - 1
             if self._namer is not None and self.naming and tracks and due:
-                self._namer.name(now, tracks, live=live, speed=self.source.speed)
-                self._keep_book(now)
+                labels = self._namer.name(now, tracks, live=live, speed=self.source.speed)
+                self._book.update(tracks, labels, swallowed, time=now)
         if self._gate.rest.stuck is not self._stuck:
             self._stuck = self._gate.rest.stuck
             self._book.withdraw(self._stuck)
@@ -521,16 +522,6 @@ class TouchLoop(Summary):
         if self._namer is None or not self.naming:
             return None
         return self._namer.revise(entry.identity, entry.part, entry.began, entry.seen)
-
-    def _keep_book(self, now: float, pressures: FloatArray | None = None) -> None:
-        labels = None if self._namer is None else self._namer.labels
-        tracks, swallowed = self._tracker.tracks, self._tracker.swallowed
-        over = self._book.update(tracks, labels, swallowed, time=now, pressures=pressures)
-        if self._namer is not None:
-            for touch, new in self._book.parted.items():
-                self._namer.rename(touch, new)
-            for touch in over:
-                self._namer.drop(touch)
 
     def _begin_anew(self) -> None:
         """The clock jumped: what was touched before is over."""

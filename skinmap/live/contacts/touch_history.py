@@ -49,6 +49,7 @@ class Entry:
     place: FloatArray | None = None  # centre of its load at its heaviest moment
     pressed: bool = True
     name: Prediction = NOBODY
+    said: Prediction | None = None  # by the classifier last
     contacts: set[int] = field(default_factory=set)
     early: tuple[str, float] = ("", float("nan"))
     presses: int = 1
@@ -83,8 +84,8 @@ class TouchBook:
     paused : dict of int to Entry
         Short presses that are over, and may be the beginning of a pat: the next one at the same
         place goes on with their touch.
-    parted : dict of int to int
-        Touches that the last sample showed to be over when another one began, and that one.
+    part : callable
+        Told of a touch that was over when another one began, and of that one.
     revise : callable
         Gives a touch that is over its last name.
     """
@@ -94,7 +95,7 @@ class TouchBook:
         self.motions = MotionBook(skin)
         self.entries: dict[int, Entry] = {}
         self.paused: dict[int, Entry] = {}
-        self.parted: dict[int, int] = {}
+        self.part: Callable[[int, int], object] = lambda number, new: None
         self.revise: Callable[[Entry], Prediction | None] = lambda _: None
         self._now = float("nan")  # of the newest sample [s]
         self.ended: deque[TouchEvent] = deque(maxlen=EVENTS)
@@ -108,18 +109,18 @@ class TouchBook:
         *,
         time: float = float("inf"),
         pressures: FloatArray | None = None,
-    ) -> list[int]:
-        """Take the contacts of the next sample; the numbers of touches that are over now.
+    ) -> None:
+        """Take the contacts of the next sample.
 
-        `swallowed` contacts were part of another one from the beginning. Without a `time` [s] no
-        press waits for the next one. By their `pressures` (N,) the motion of contacts is followed,
-        once a sample.
+        `labels` are those that touches were given now. `swallowed` contacts were part of another
+        one from the beginning. Without a `time` [s] no press waits for the next one. By their
+        `pressures` (N,) the motion of contacts is followed, once a sample.
         """
         self._now = time if time < float("inf") else self._now
         if not tracks and not self.entries and not self.paused:
-            return []
+            return
         self._resume(tracks)
-        over = self._part_long_ones(tracks)
+        self._part_long_ones(tracks)
         alive = {track.touch for track in tracks}
         belongs = {track.identity: track.touch for track in tracks}
         for one, other in (swallowed or {}).items():
@@ -138,29 +139,28 @@ class TouchBook:
             entry.pressed = load >= POOL_SHARE * entry.heaviest
         for number, entry in list(self.entries.items()):
             if number in alive:
+                entry.said = (labels or {}).get(number, entry.said)
                 # What lets go says little: the last finger of a hand is no poke.
-                if labels and number in labels and (entry.pressed or entry.name is NOBODY):
-                    if entry.name.label != labels[number].label:
+                if entry.said is not None and (entry.pressed or entry.name is NOBODY):
+                    if entry.name.label != entry.said.label:
                         entry.named_at = entry.seen
-                    entry.name = labels[number]
+                    entry.name = entry.said
                 continue
             del self.entries[number]
             heir = {belongs[one] for one in entry.contacts if one in belongs}
             if heir:  # it turned out to be part of another touch
                 self._fold(entry, self.entries[min(heir)])
                 self.motions.join(number, min(heir))
-                over.append(number)
             elif entry.seen - entry.pressed_at <= BEAT and time - entry.seen <= PAUSE:
                 self.paused[number] = entry
             else:
-                over.append(self._end(entry))
+                self._end(entry)
         for number, entry in list(self.paused.items()):
             if not time - entry.seen <= PAUSE:
                 del self.paused[number]
-                over.append(self._end(entry))
+                self._end(entry)
         if pressures is not None:
             self.motions.update(time, groups, pressures)
-        return over
 
     def forget(self, *, cut: bool = False) -> None:
         """End all touches: the clock began anew, or samples end and may cut some off."""
@@ -202,12 +202,11 @@ class TouchBook:
                     self.motions.drop(number)  # each press has a way of its own
                 break
 
-    def _part_long_ones(self, tracks: Sequence[Track]) -> list[int]:
+    def _part_long_ones(self, tracks: Sequence[Track]) -> None:
         """Presses that last are none of a pat: each becomes a touch of its own again.
 
-        The numbers of those that they were taken for, which are over.
+        Those that they were taken for are over.
         """
-        self.parted, over = {}, []
         for number, entry in list(self.entries.items()):
             if entry.presses == 1 or not entry.seen - entry.pressed_at > BEAT:
                 continue
@@ -224,17 +223,16 @@ class TouchBook:
                 new, entry.part, began, entry.seen, own[0].centre, self._none(entry.part),
                 peak=own[0].peak, pressed_at=began, contacts=contacts,
             )  # fmt: skip
-            self.parted[number] = new
             self.motions.join(number, new)
             del self.entries[number]
             entry.contacts -= contacts
             period, entry.presses = entry.period, entry.presses - 1
             entry.seen = entry.released_at
             entry.pressed_at = entry.began + (entry.presses - 1) * period
-            over.append(self._end(entry))
-        return over
+            self._end(entry)
+            self.part(number, new)
 
-    def _end(self, entry: Entry) -> int:
+    def _end(self, entry: Entry) -> None:
         early, since = entry.name.label, min(entry.named_at, entry.seen) - entry.began
         entry.early = (early, since) if early not in UNSURE else ("", float("nan"))
         # All of a touch that was cut off would pass for a short one: its name so far stays.
@@ -243,7 +241,6 @@ class TouchBook:
             entry.name = last
         (self.withdrawn if entry.stuck else self.ended).append(self._event(entry))
         self.motions.drop(entry.identity)
-        return entry.identity
 
     def show(self, tracks: Sequence[Track]) -> tuple[NamedTouch, ...]:
         """The touches that are felt now."""
