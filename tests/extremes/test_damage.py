@@ -32,7 +32,7 @@ ROOT = Path(__file__).parents[2]
 FEW = 25  # examples of each target in the suite; `make fuzz` takes 5,000
 # Nothing that is read comes from elsewhere, or it runs through one that is listed.
 NO_READERS = {
-    "skinmap.live.network.lsl_settings.load_lsl": "loads a library",
+    "skinmap.live.network.lsl_stream.load_lsl": "loads a library",
     "skinmap.live.response.pressures.load_responses": "load_response, by entry point",
     "skinmap.recognition.classifier_options.read_size": "a word of a profile, tested there",
     "skinmap.commands.options.read_radius": "words of a command line, tested with it",

@@ -22,9 +22,8 @@ from viewer.layers import Layer, Layers, check_layer, check_values
 from viewer.playing.player import Player
 from viewer.results import LAYERS
 from viewer.scene import make_plot
-from viewer.web.packing import finite
 from viewer.web.sample import SampleWriter, layer_message
-from viewer.web.scene_data import WebScene
+from viewer.web.scene_data import WebScene, finite
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection

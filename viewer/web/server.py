@@ -21,7 +21,14 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
+
+import click
+from websockets.asyncio.server import ServerConnection
+from websockets.asyncio.server import serve as listen
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
 
 from skinmap.errors import SkinWarning, UnreachableError
 from skinmap.skin.robot import Robot
@@ -49,10 +56,6 @@ from viewer.web.guard import (
 )
 from viewer.web.hub import Hub
 from viewer.web.scene_data import make_scene
-
-if TYPE_CHECKING:
-    from websockets.asyncio.server import ServerConnection
-    from websockets.http11 import Request, Response
 
 PORT = 8080
 LARGEST = 4096  # bytes of a message from a page: it sends wishes of some words
@@ -293,8 +296,6 @@ class WebServer:
             self._done.set()
 
     async def _main(self) -> None:
-        from websockets.asyncio.server import ServerConnection
-        from websockets.asyncio.server import serve as listen
 
         web = self
 
@@ -378,7 +379,6 @@ class WebServer:
         return self._hubs.get(f"{place}/", self.hub)
 
     async def _handle(self, connection: ServerConnection) -> None:
-        from websockets.exceptions import ConnectionClosed
 
         try:
             assert connection.request is not None
@@ -397,8 +397,6 @@ def _respond(
     kind: str = "text/plain; charset=utf-8",
     more: Mapping[str, str] | None = None,
 ) -> Response:
-    from websockets.datastructures import Headers
-    from websockets.http11 import Response
 
     headers = Headers({"X-Content-Type-Options": "nosniff"} if more is None else dict(more))
     headers["Content-Type"] = kind
@@ -409,7 +407,6 @@ def _respond(
 
 async def _in_pieces(connection: ServerConnection, answer: Response) -> Response:
     """Send all but the last piece of an answer; who reads slowly holds one piece, not a scene."""
-    from websockets.http11 import Response
 
     class Rest(Response):
         """The last piece: head and the others are sent."""
@@ -448,8 +445,6 @@ def serve_web(session: Session, look: Look, *, seconds: float | None, **where: A
         What the source failed with, after the end: its last picture stays until then. What else
         failed, a plug-in for one, is raised as it is.
     """
-    import click
-
     tell = partial(click.echo, err=True)
     with served(session, look, **where) as (server, player):
         tell(server.url)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import secrets
 import threading
@@ -10,6 +11,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import zmq
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
@@ -70,7 +72,6 @@ class ZmqSource(Source):
     """
 
     def __init__(self, address: Address, *, wait: float = WAIT, robot: Robot | None = None) -> None:
-        import zmq
 
         warn_if_open(address, "reading from")
         self.address = address
@@ -81,7 +82,8 @@ class ZmqSource(Source):
                 check_skin(info, robot)
             super().__init__(info)
             self._last_seen = time.perf_counter()
-            self._socket = self._subscribe()
+            largest = max(4 * info.channels, LARGEST_INFO)
+            self._socket = self._connected(largest, "info", info.kind, queued=_queued(info))
         except BaseException:
             self._context.destroy(linger=0)
             raise
@@ -101,8 +103,6 @@ class ZmqSource(Source):
         SkinMismatchError
             The publisher came back with another skin.
         """
-        import zmq
-
         deadline = time.perf_counter() + timeout
         rows: list[NDArray[Any]] = []
         times: list[float] = []
@@ -179,13 +179,8 @@ class ZmqSource(Source):
 
     def _ask(self, wait: float) -> tuple[bytes, StreamInfo]:
         """The publisher's description."""
-        import zmq
-
-        socket = self._context.socket(zmq.SUB)
+        socket = self._connected(LARGEST_INFO, "info")
         try:
-            socket.maxmsgsize = LARGEST_INFO
-            socket.subscribe(b"info")
-            self._connect(socket)
             if socket.poll(int(1e3 * wait)) == 0:
                 raise UnreachableError(
                     f"nothing is published at {self.address.endpoint} (waited {wait:g} s)"
@@ -197,29 +192,20 @@ class ZmqSource(Source):
         finally:
             socket.close(linger=0)
 
-    def _subscribe(self) -> Any:
-        import zmq
-
+    def _connected(self, largest: int, *topics: str, queued: int = 16) -> Any:
+        """A socket that reads topics, and cuts the connection where a frame is larger [bytes]."""
         socket = self._context.socket(zmq.SUB)
-        # What is larger than the declared skin is not read: ZeroMQ cuts the connection.
-        socket.maxmsgsize = max(4 * self._info.channels, LARGEST_INFO)
-        socket.rcvhwm = _queued(self._info)
-        socket.subscribe(b"info")
-        socket.subscribe(self._info.kind.encode())
-        self._connect(socket)
-        return socket
-
-    def _connect(self, socket: Any) -> None:
-        import zmq
-
+        socket.maxmsgsize, socket.rcvhwm, socket.linger = largest, queued, 0
         # Half-open connections, as after a pulled cable, end within a second too.
         socket.heartbeat_ivl, socket.heartbeat_timeout = 250, 750
         socket.reconnect_ivl, socket.reconnect_ivl_max = 50, 400
-        socket.linger = 0
+        for topic in topics:
+            socket.subscribe(topic.encode())
         try:
             socket.connect(self.address.endpoint)
         except zmq.ZMQError as error:
             raise UnreachableError(f"cannot reach {self.address.endpoint}: {error}") from error
+        return socket
 
 
 def _queued(info: StreamInfo) -> int:
@@ -258,7 +244,6 @@ class ZmqPublisher(Publisher):
     def __init__(
         self, address: str, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None = None
     ) -> None:
-        import zmq
 
         super().__init__(info, topics)
         self._address = parse_address(address)
@@ -307,7 +292,6 @@ class ZmqPublisher(Publisher):
 
 
 def _refused(endpoint: str, error: Any) -> SkinError:
-    import errno
 
     if error.errno == errno.EADDRINUSE:
         return OutputError(f"cannot publish at {endpoint}: the port is in use; choose another")
