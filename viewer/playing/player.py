@@ -35,6 +35,11 @@ PATIENCE = 3.0  # for the thread to end when it is closed [s]
 NEAR = 0.3  # a touch that begins so near to what is shown is the one that is shown [s]
 
 
+def _recorded(name: str) -> Any:
+    """A member of a feed's recording."""
+    return property(lambda self: float(getattr(self._recording, name, math.nan)), doc="[s].")
+
+
 class LoopFeed:
     """Moments of a touch loop; a recording's pace is its source's."""
 
@@ -49,20 +54,9 @@ class LoopFeed:
         rate = source.info.rate
         self.period = 1.0 / rate if rate > 0 else PERIOD
 
-    @property
-    def duration(self) -> float:
-        """Of the recording [s]."""
-        return math.nan if self._recording is None else self._recording.duration
-
-    @property
-    def position(self) -> float:
-        """Seconds from the recording's beginning, of the sample that comes next."""
-        return math.nan if self._recording is None else self._recording.position
-
-    @property
-    def began(self) -> float:
-        """Time of the recording's beginning, in the moments' clock [s]; NaN where it is unknown."""
-        return float(getattr(self._recording, "began", math.nan))
+    # Of the recording: how long it lasts, where the sample lies that comes next, and when it began
+    # in the moments' clock [s]; NaN where there is none.
+    duration, position, began = map(_recorded, ("duration", "position", "began"))
 
     @property
     def loop(self) -> bool:
