@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 import click
 
 from skinmap.commands.options import PATH, open_robot, out_file, prints, robot_option
+from skinmap.commands.overwriting import protect
 from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.errors import MissingFileError, OutputError, SkinError
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
@@ -139,8 +141,6 @@ def command(
 
 def _check(recording: Path, output: Path, *, changes: bool) -> None:
     """Refuse to write over the recording or over a file that is there."""
-    from skinmap.commands.overwriting import protect
-    from skinmap.errors import MissingFileError, OutputError
     from skinmap.io.recordings.touch_files import check_suffix
 
     if not recording.exists():
@@ -227,7 +227,6 @@ def by_keys(marks: Marks, track: RecordedStream, name: str) -> Marks:
     UsageError
         The end without `w`: nothing is written.
     """
-    from skinmap.errors import SkinError
     from skinmap.io.recordings.marks import KEYS, MarkEditor
 
     editor = MarkEditor(marks, track)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, suppress
@@ -25,8 +26,10 @@ from skinmap.commands.options import (
     seed_option,
     speed_option,
 )
+from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import is_quiet
 from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.errors import OutputError, SkinWarning, UnknownNameError
 from skinmap.report.present import present, singular
 
 if TYPE_CHECKING:
@@ -127,7 +130,6 @@ def command(
     Example:  skinmap record lsl:demo -o touch.mcap --seconds 60
               skinmap record sim --label poke --part torso --person ada -o poke.mcap
     """
-    from skinmap.errors import UnknownNameError
     from skinmap.interrupts import interrupted_once
     from skinmap.live.loop import TouchLoop
     from skinmap.live.recording.recorder import Recorder, continued
@@ -211,11 +213,8 @@ def command(
 
 def _warn(recorded: RecordingTap, output: Path, *, looked_at: bool) -> None:
     """In one line the worst fault that would falsify what is trained on the recording."""
-    import warnings
-
     import numpy as np
 
-    from skinmap.errors import SkinWarning
     from skinmap.live.response.sample_checks import check_range
     from skinmap.soundness.examination import FALSIFYING, examine_track
     from skinmap.soundness.track import Track
@@ -235,8 +234,6 @@ def _warn(recorded: RecordingTap, output: Path, *, looked_at: bool) -> None:
 
 def _check_output(output: Path, source: str) -> None:
     """Refuse to replace a recording, or to write into the one that is played."""
-    from skinmap.commands.overwriting import protect
-    from skinmap.errors import OutputError
     from skinmap.live.recording.recorder import continued
 
     if output.exists() and Path(source).exists() and output.samefile(source):
