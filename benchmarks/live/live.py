@@ -31,6 +31,7 @@ from skinmap.live import open_publisher
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
+from skinmap.live.response.pressures import RestBaseline
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.playback import Playback
@@ -295,8 +296,6 @@ def press_of_torso(minutes: float) -> dict[str, Any]:
 
 def press(skin: PreparedSkin, minutes: float) -> dict[str, Any]:
     """A press that is held, raw values without a calibration: contacts, and what is left of it."""
-    from skinmap.live.response.pressures import RestBaseline
-
     rng = np.random.default_rng(3)
     part = skin.skin.part
     own = JoinedSkin({part: skin})

@@ -243,7 +243,14 @@ class TouchLoop(Summary):
             info, self.counts, seekable=self.source.seekable, taxels=self._gather
         )
         self._responses = Responses(self._skin, info, responses)
-        self._loads = self._load_forces(calibrations or {})
+        self._loads: dict[str, PartLoads] = {}
+        if calibrations:
+            from skinmap.live.response.loads import PartLoads  # solvers, only where asked for
+
+            known = [part for part in calibrations if part in self.skins]
+            self._loads = {
+                part: PartLoads(self.skins[part], calibrations[part], info.rate) for part in known
+            }
         self._gate = RestGate(self._skin, info.rate)
         self._tracker = ContactTracker(self._skin)
         self._book = TouchBook(self._skin)
@@ -500,15 +507,6 @@ class TouchLoop(Summary):
             self._book.withdraw(self._stuck)
         self.counts.used += len(times)
         self._block = (times, pressures, dense)
-
-    def _load_forces(self, calibrations: Mapping[str, LoadCalibration]) -> dict[str, PartLoads]:
-        if not calibrations:
-            return {}
-        from skinmap.live.response.loads import PartLoads  # solvers, only where asked for
-
-        known = {part: one for part, one in calibrations.items() if part in self.skins}
-        rate = self.info.rate
-        return {part: PartLoads(self.skins[part], one, rate) for part, one in known.items()}
 
     def _weighed(self, touches: tuple[NamedTouch, ...]) -> tuple[NamedTouch, ...]:
         """The touches with their forces, on parts that have a load calibration."""

@@ -83,8 +83,7 @@ class _Writer:
     def __init__(self, rerun: Any, stream: Any, robot: Robot, skins: Mapping[str, Skin]) -> None:
         self.rerun, self.stream, self.robot, self.skins = rerun, stream, robot, skins
         # Times and rows that wait to be sent together.
-        self._colours: dict[str, list[tuple[float, Any]]] = {part: [] for part in skins}
-        self._plots: dict[str, list[tuple[float, float]]] = {}
+        self._waiting: dict[str, list[tuple[float, Any]]] = {}
         self._coloured = dict.fromkeys(skins, -np.inf)
         self._told: set[tuple[str, int, str]] = set()
         self._touched: set[str] = set()
@@ -133,9 +132,9 @@ class _Writer:
         for part, pressures in moment.pressures.items():
             if part not in self.skins:
                 continue
-            self._plot(f"plots/{part}/largest", now, float(np.nanmax(pressures, initial=0.0)))
+            self._keep(f"plots/{part}/largest", now, float(np.nanmax(pressures, initial=0.0)))
             mine = [touch.area for touch in moment.touches if touch.part == part]
-            self._plot(f"plots/{part}/area_mm2", now, 1e6 * float(np.nansum(mine)))
+            self._keep(f"plots/{part}/area_mm2", now, 1e6 * float(np.nansum(mine)))
             if abs(now - self._coloured[part]) >= PERIOD:
                 self._coloured[part] = now
                 self._colour(part, now, pressures)
@@ -150,10 +149,8 @@ class _Writer:
 
     def flush(self) -> None:
         """Send what waits."""
-        for part in self.skins:
-            self._send_colours(part)
-        for entity in self._plots:
-            self._send_plot(entity)
+        for entity in list(self._waiting):
+            self._send(entity)
 
     def _at(self, part: str, what: str) -> str:
         return f"world/{self.robot.part(part).link}/{part}/{what}"
@@ -165,31 +162,22 @@ class _Writer:
 
     def _colour(self, part: str, now: float, pressures: NDArray[Any]) -> None:
         counts = np.clip(np.nan_to_num(pressures), 0, 255).astype(np.uint8)
-        self._colours[part].append((now, self._table[counts]))
-        if len(self._colours[part]) >= AT_ONCE:
-            self._send_colours(part)
+        self._keep(self._at(part, "taxels"), now, self._table[counts], AT_ONCE)
 
-    def _send_colours(self, part: str) -> None:
-        if not self._colours[part]:
-            return
-        times, rows = zip(*self._colours[part], strict=True)
-        self._colours[part] = []
-        colours = self.rerun.Points3D.columns(colors=np.concatenate(rows))
-        self._send(self._at(part, "taxels"), times, colours.partition(list(map(len, rows))))
+    def _keep(self, entity: str, now: float, row: Any, most: int = 64 * AT_ONCE) -> None:
+        """Keep a value or the colours of taxels until `most` can be sent together."""
+        self._waiting.setdefault(entity, []).append((now, row))
+        if len(self._waiting[entity]) >= most:
+            self._send(entity)
 
-    def _plot(self, entity: str, now: float, value: float) -> None:
-        self._plots.setdefault(entity, []).append((now, value))
-        if len(self._plots[entity]) >= 64 * AT_ONCE:
-            self._send_plot(entity)
-
-    def _send_plot(self, entity: str) -> None:
-        if self._plots[entity]:
-            times, values = zip(*self._plots[entity], strict=True)
-            self._plots[entity] = []
-            self._send(entity, times, self.rerun.Scalars.columns(scalars=list(values)))
-
-    def _send(self, entity: str, times: tuple[float, ...], columns: Any) -> None:
+    def _send(self, entity: str) -> None:
+        times, rows = zip(*self._waiting.pop(entity), strict=True)
         index = self.rerun.TimeColumn(TIMELINE, duration=list(times))
+        if isinstance(rows[0], float):
+            columns = self.rerun.Scalars.columns(scalars=list(rows))
+        else:
+            colours = self.rerun.Points3D.columns(colors=np.concatenate(rows))
+            columns = colours.partition(list(map(len, rows)))
         self.stream.send_columns(entity, [index], columns)
 
     def _touches(self, part: str, now: float, moment: Moment) -> None:

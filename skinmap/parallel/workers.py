@@ -10,6 +10,7 @@ import os
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -239,7 +240,6 @@ def connect(address: str) -> Any:
     """
     need = "a Dask scheduler needs dask and distributed: install skinmap[dask]"
     distributed = import_optional("distributed", need)
-    import warnings
 
     try:
         with warnings.catch_warnings():
@@ -338,9 +338,6 @@ class ResumeStore:
 
     def __len__(self) -> int:
         return len(self._keys)
-
-    def __contains__(self, key: str) -> bool:
-        return key in self._keys
 
     def recall(self, key: str) -> Any:
         """The result under a key; KeyError where there is none or it cannot be read."""

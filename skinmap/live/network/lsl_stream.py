@@ -16,7 +16,7 @@ import sys
 import threading
 import time
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, cast
@@ -228,41 +228,29 @@ def read_description(found: Any) -> StreamInfo:
             f"stream {name!r} has a description of version {skin.child_value('version')!r}, "
             f"this Skinmap reads {VERSION}"
         )
-    parts, widths, prints = _parts(skin, name)
-    kind = skin.child_value("kind")
+    told = list(_parts(skin, name))
+    kind, widths = skin.child_value("kind"), tuple(width for _, width, _ in told)
     if kind not in KINDS or sum(widths) != channels:
         raise MessageError(
             f"stream {name!r} describes {sum(widths)} {kind} channels and has {channels}"
         )
+    names, prints = tuple(part for part, _, _ in told), {part: p for part, _, p in told if p}
+    robot = skin.child_value("robot")
     try:
-        return StreamInfo(
-            name,
-            tuple(parts),
-            tuple(widths),
-            rate,
-            cast("Kind", kind),
-            skin.child_value("robot"),
-            {part: print_ for part, print_ in zip(parts, prints, strict=True) if print_},
-            "local",
-        )
+        return StreamInfo(name, names, widths, rate, cast("Kind", kind), robot, prints, "local")
     except ValueError as error:
         raise MessageError(str(error)) from error
 
 
-def _parts(skin: Any, name: str) -> tuple[list[str], list[int], list[str]]:
-    parts: list[str] = []
-    widths: list[int] = []
-    prints: list[str] = []
-    one = skin.child("parts").child("part")
+def _parts(skin: Any, name: str) -> Iterator[tuple[str, int, str]]:
+    """Name, channels and fingerprint of each part."""
+    one, number = skin.child("parts").child("part"), 0
     while not one.empty():
-        count = one.child_value("channels")
-        if not (count.isascii() and count.isdigit()) or len(count) > 9 or len(parts) >= MAX_PARTS:
+        count, number = one.child_value("channels"), number + 1
+        if not (count.isascii() and count.isdigit()) or len(count) > 9 or number > MAX_PARTS:
             raise MessageError(f"stream {name!r} describes a part with {count[:20]!r} channels")
-        parts.append(one.child_value("name"))
-        widths.append(int(count))
-        prints.append(one.child_value("fingerprint"))
+        yield one.child_value("name"), int(count), one.child_value("fingerprint")
         one = one.next_sibling("part")
-    return parts, widths, prints
 
 
 WAIT = 2.0  # for a stream of that name [s]

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import ipaddress
 import json
+import math
 import struct
 import warnings
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
@@ -97,8 +98,7 @@ LARGEST_TEXT = 1 << 20  # of JSON [bytes]
 MAX_PARTS = 1000
 
 
-@dataclass(frozen=True, slots=True)
-class Header:
+class Header(NamedTuple):
     """What stands before the values of a sample.
 
     Attributes
@@ -125,17 +125,7 @@ class Header:
 
     def pack(self) -> bytes:
         """The 40 bytes."""
-        return HEADER.pack(
-            MAGIC,
-            VERSION,
-            self.dtype,
-            0,
-            self.channels,
-            self.session,
-            self.sequence,
-            self.time,
-            self.sent,
-        )
+        return HEADER.pack(MAGIC, VERSION, self.dtype, 0, *self[1:])
 
 
 def unpack_header(frame: bytes) -> Header:
@@ -148,16 +138,17 @@ def unpack_header(frame: bytes) -> Header:
     """
     if len(frame) != HEADER.size:
         raise MessageError(f"a header of {len(frame)} bytes, expected {HEADER.size}")
-    magic, version, dtype, _, channels, session, sequence, time, sent = HEADER.unpack(frame)
+    magic, version, dtype, _, *rest = HEADER.unpack(frame)
     if magic != MAGIC:
         raise MessageError(f"a header that begins with {magic!r}, expected {MAGIC!r}")
     if version != VERSION:
         raise MessageError(f"a message of version {version}, this Skinmap reads {VERSION}")
     if dtype not in DTYPES:
         raise MessageError(f"values of type {dtype}; expected 1 (uint8) or 2 (float32)")
-    if not np.isfinite(time) or not np.isfinite(sent):
-        raise MessageError(f"a sample of time {time}, sent at {sent}")
-    return Header(dtype, channels, session, sequence, time, sent)
+    header = Header(dtype, *rest)
+    if not math.isfinite(header.time) or not math.isfinite(header.sent):
+        raise MessageError(f"a sample of time {header.time}, sent at {header.sent}")
+    return header
 
 
 def unpack_values(header: Header, frame: bytes, info: StreamInfo) -> NDArray[Any]:

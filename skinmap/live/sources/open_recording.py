@@ -16,7 +16,7 @@ from skinmap.io.recordings.recorded_stream import (
     Samples,
     warn_of_loss,
 )
-from skinmap.io.recordings.touch_files import FOREIGN, read_streams
+from skinmap.io.recordings.touch_files import FOREIGN, exported_track, read_streams
 from skinmap.io.ros2.bag import whole
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import check_skin, describe_skins
@@ -151,8 +151,6 @@ def open_track(
 
 def _exported(path: Path) -> RecordedStream | None:
     """The track of a .npz of `skinmap export`; None for other files."""
-    from skinmap.io.recordings.touch_files import exported_track
-
     own = is_own_archive(path) and path.is_file() and find_mapping(path) is None
     return exported_track(path) if own else None
 
