@@ -117,11 +117,9 @@ def command(
     if output.suffix.lower() != TABLE and table is None and asks:
         marks = by_keys(marks, track, recording.name)
     if label is not None:
-        marks = Marks(
-            tuple(
-                replace(one, label=label) if one.label == UNNAMED else one for one in marks.touches
-            )
-        )
+        said = [label if one.label == UNNAMED else one.label for one in marks.touches]
+        pairs = zip(marks.touches, said, strict=True)
+        marks = Marks(tuple(replace(one, label=word) for one, word in pairs))
     named = Marks(tuple(one for one in marks.touches if one.label not in RESERVED))
     if output.suffix.lower() == TABLE:
         with staged_file(output) as stage:
@@ -198,22 +196,14 @@ def _found(recording: Path, robot: Robot, times: FloatArray) -> Marks:
     over = []
     for _ in loop:
         over += loop.finished()
-    loop.finish()
     over += loop.finished()
     loop.close()
-    return Marks(
-        tuple(
-            MarkedTouch(
-                one.part,
-                one.identity,
-                UNNAMED,
-                int(np.searchsorted(times, one.began)),
-                int(np.searchsorted(times, one.ended, side="right")) - 1,
-            )
-            for one in over
-            if one.label == FOUND
-        )
-    )
+    found = [one for one in over if one.label == FOUND]
+    first = np.searchsorted(times, [one.began for one in found]).tolist()
+    last = (np.searchsorted(times, [one.ended for one in found], side="right") - 1).tolist()
+    rows = zip(found, first, last, strict=True)
+    marks = [MarkedTouch(one.part, one.identity, UNNAMED, a, b) for one, a, b in rows]
+    return Marks(tuple(marks))
 
 
 FOUND = "found"  # inside only: what the loop calls each touch

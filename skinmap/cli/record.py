@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
     from skinmap.live.recording.recorder import Recorder
     from skinmap.live.recording.recording_tap import RecordingTap
-    from skinmap.live.sources.source import Source
 
 LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk before dropping
 LOOKED_AT = 200  # samples from which a recording is examined
@@ -161,11 +160,12 @@ def command(
     try:
         for path in continued(output):
             path.unlink()  # of the recording that --force replaces
+        dense = tuple(len(loaded.skin(part)) for part in origin.info.parts)
         recorder = Recorder(
             output,
             origin.info,
             robot=loaded,
-            widths=_pressures(origin, loaded) if named else None,
+            widths={"pressure": dense} if named else None,  # of a source of raw values
             session=session,
             person=person,
         )
@@ -341,10 +341,3 @@ def _pressure_block(moment: Any, parts: tuple[str, ...]) -> Any:
     # Counts, as a classifier is trained on; a response calibration gives fractions of them.
     counts = np.rint(row).clip(0, 255).astype(np.uint8)
     return Block(np.array([moment.time]), counts[None], 0.0)
-
-
-def _pressures(source: Source, robot: Any) -> dict[Any, tuple[int, ...]] | None:
-    """Columns of the pressures that a source of raw values gets."""
-    if source.info.kind == "pressure":
-        return None
-    return {"pressure": tuple(len(robot.skin(part)) for part in source.info.parts)}

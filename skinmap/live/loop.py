@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import SkinMismatchError, UnknownNameError
+from skinmap.errors import SkinMismatchError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.named_touch import ContactEvent, NamedTouch, TouchEvent, taken
@@ -230,7 +230,8 @@ class TouchLoop(Summary):
         self.feed = Feed(source, self.counts)
         info = self.info
         check_skin(info, robot)
-        chosen = chosen_parts(info, parts)
+        wanted = info.only(parts or info.parts)[0].parts
+        chosen = [part for part in info.parts if part in wanted]
         self.skins = {
             part: (skins or {}).get(part) or PreparedSkin(robot.skin(part)) for part in chosen
         }
@@ -468,15 +469,10 @@ class TouchLoop(Summary):
         """Whether the source is live: what is done with a sample may then depend on the clock."""
         return is_live(self.source) if self._live is None else self._live
 
-    @property
-    def plays_ahead(self) -> bool:
-        """Whether the source plays as fast as it is asked: then no sample is passed over."""
-        return bool(np.isinf(self.source.speed))
-
     def _next_run(self) -> tuple[bool, FloatArray, NDArray[Any]]:
         """Samples that one step works on: a few at once, one where none is to be passed over."""
         anew, times, values = self._runs.popleft()
-        most = 1 if self._singly or self.plays_ahead else MAX_SAMPLES
+        most = 1 if self._singly or np.isinf(self.source.speed) else MAX_SAMPLES
         if len(times) > most:
             self._runs.appendleft((False, times[most:], values[most:]))
         return anew, times[:most], values[:most]
@@ -598,17 +594,3 @@ def check_classifier(classifier: TouchClassifier, skins: Any) -> None:
         difference = classifier.difference(skin.skin)
         if not difference.may_go_on:
             raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
-
-
-def chosen_parts(info: StreamInfo, parts: Sequence[str] | None) -> tuple[str, ...]:
-    """Parts of a stream that were asked for, in its order; all where none was.
-
-    Raises
-    ------
-    UnknownNameError
-        The stream has no such part.
-    """
-    for part in parts or ():
-        if part not in info.parts:
-            raise UnknownNameError(f"part in stream {info.name!r}", part, info.parts)
-    return tuple(part for part in info.parts if not parts or part in parts)

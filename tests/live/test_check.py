@@ -62,15 +62,6 @@ class OtherInfo(Good):
         self._info = {"parts": 1}
 
 
-class OtherCounts(Good):
-    counts = {"lost": 3}  # noqa: RUF012
-
-
-class DegreesAsText(Good):
-    def angles_at(self, time: float) -> object:
-        return {"elbow": "90 deg"}
-
-
 class Silent(Good):
     def read(self, timeout: float):
         return None
@@ -159,8 +150,6 @@ class Forgets(Playback):
     ("make", "said"),
     [
         (NotDerived, "NotDerived does not derive from skinmap.live.Source"),
-        (OtherCounts, "counts is a dict, expected Counts"),
-        (DegreesAsText, "angles_at gives {'elbow': '90 deg'}, expected angles"),
         (lambda: 1 / 0, "cannot be opened: ZeroDivisionError"),
         (OtherInfo, "info is a dict, expected StreamInfo"),
         (Silent, r"nothing came within 0\.3 s"),

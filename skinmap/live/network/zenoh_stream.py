@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,9 +183,6 @@ ARRAYS = {
 }
 
 
-Came = TypeVar("Came")
-
-
 class ZenohSource(Source):
     """Samples of one topic; to be read from one thread (`open_zenoh` puts a `Receiver` around it).
 
@@ -330,7 +327,7 @@ class ZenohSource(Source):
         info = StreamInfo(self._where.topic, ("all",), (len(values),), 0.0, "raw", clock="sender")
         return info if robot is None else of_robot(info, robot, parts, "values")
 
-    def _first(self, came: queue.Queue[Came], wait: float) -> Came:
+    def _first(self, came: queue.Queue[Any], wait: float) -> Any:
         where = self._where
         try:
             return came.get(timeout=wait)

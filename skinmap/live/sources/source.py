@@ -540,7 +540,7 @@ def check_source(make: Callable[[], Any], *, samples: int = 20, seconds: float =
 
     Nothing happens where all of this holds:
 
-    1. it is a `Source`, its `info` is a `StreamInfo`, and its other members are of their kind;
+    1. it is a `Source`, and its `info` is a `StreamInfo`;
     2. something comes within the time given;
     3. `read` gives a `Block` of at least one sample, or None once its timeout is over, or raises
        `SourceEnded`;
@@ -580,7 +580,6 @@ def check_source(make: Callable[[], Any], *, samples: int = 20, seconds: float =
     _require(isinstance(source, Source), f"{kind} does not derive from skinmap.live.Source")
     info: object = source.info
     _require(isinstance(info, StreamInfo), f"info is a {type(info).__name__}, expected StreamInfo")
-    _check_members(source)
     blocks = _read(source, samples, seconds)
     _require(bool(blocks), f"nothing came within {seconds:g} s")
     _check_times(blocks)
@@ -601,18 +600,6 @@ def check_source(make: Callable[[], Any], *, samples: int = 20, seconds: float =
         raise BrokenPluginError(f"read after close raises {error!r}, not SourceEnded") from error
     _require(ended, "read after close must raise SourceEnded")
     _require(time.perf_counter() - began < 30.0, "read after close must end at once")
-
-
-def _check_members(source: Source) -> None:
-    """What a source need not define, where it does."""
-    counts: object = source.counts
-    _require(isinstance(counts, Counts), f"counts is a {type(counts).__name__}, expected Counts")
-    for name in ("speed", "last_seen"):
-        value = getattr(source, name)
-        _require(isinstance(value, int | float), f"{name} is {value!r}, expected a number")
-    told: object = source.angles_at(0.0)
-    sound = isinstance(told, Mapping) and all(isinstance(one, float) for one in told.values())
-    _require(sound, f"angles_at gives {told!r}, expected angles [rad] by joint")
 
 
 def _read(source: Any, samples: int, seconds: float) -> list[Block]:
@@ -666,7 +653,6 @@ def _check_seeking(source: Seekable, first: Block, seconds: float) -> None:
     count = min(len(first), len(again[0]))
     same = np.array_equal(first.values[:count], again[0].values[:count])
     _require(same, "gives other samples when it is led back to its beginning")
-    _require(source.duration >= 0.0, f"lasts {source.duration} seconds")
 
 
 def _require(holds: bool, broken: str) -> None:
