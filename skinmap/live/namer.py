@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import BrokenPluginError, SkinError, SkinWarning
-from skinmap.live.contacts.followed_contact import Track
+from skinmap.live.contacts.sample_contacts import Track
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.recognition.classifier import Prediction, TouchClassifier
 from skinmap.recognition.naming import Named, name_touches

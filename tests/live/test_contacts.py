@@ -6,9 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skinmap.geometry.proximity import closest_on_mesh
-from skinmap.live.contacts.followed_contact import Cutter
 from skinmap.live.contacts.sample_contacts import (
     Components,
+    Cutter,
     basins,
     centre_of_pressure,
     closest_on_faces,

@@ -426,7 +426,7 @@ def test_memory_stays_flat(icub, prepared, model):
 
 
 def test_what_a_source_and_the_loop_count_is_counted_once(icub, prepared):
-    from skinmap.live.sources.receiver import Receiver
+    from skinmap.live.sources.source import Receiver
 
     values = np.zeros((3, N), np.float32)
     values[1, 3] = np.nan

@@ -8,8 +8,15 @@ import numpy as np
 import pytest
 
 from skinmap.errors import UnreachableError
-from skinmap.live.sources.receiver import OVERHEAD, Receiver
-from skinmap.live.sources.source import Block, Counts, Source, SourceEnded, StreamInfo
+from skinmap.live.sources.source import (
+    OVERHEAD,
+    Block,
+    Counts,
+    Receiver,
+    Source,
+    SourceEnded,
+    StreamInfo,
+)
 
 WIDTH = 4
 

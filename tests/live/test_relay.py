@@ -7,7 +7,6 @@ import skinmap.live
 from skinmap.errors import BrokenPluginError
 from skinmap.live.sources.open_source import sources
 from skinmap.live.sources.playback import Playback
-from skinmap.live.sources.receiver import choose_parts
 from skinmap.live.sources.source import (
     Counts,
     Relay,
@@ -15,6 +14,7 @@ from skinmap.live.sources.source import (
     Source,
     SourceEnded,
     StreamInfo,
+    choose_parts,
 )
 
 INFO = StreamInfo("planted", ("arm", "hand"), (3, 2), 50.0)

@@ -10,8 +10,8 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray
 from skinmap.live.contacts.contact_motion import Motion, MotionBook
-from skinmap.live.contacts.followed_contact import Track
 from skinmap.live.contacts.named_touch import UNNAMED, NamedTouch, TouchEvent
+from skinmap.live.contacts.sample_contacts import Track
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.recognition.classifier import NO_CONTACT, Prediction
 from skinmap.recognition.sets.rejection import UNKNOWN

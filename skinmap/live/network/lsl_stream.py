@@ -44,15 +44,16 @@ from skinmap.live.network.network_messages import (
     warn_if_open,
 )
 from skinmap.live.publishing.publish import Publisher, Topic
-from skinmap.live.sources.receiver import SILENT, follow
 from skinmap.live.sources.source import (
     MAX_BLOCK,
+    SILENT,
     Block,
     Kind,
     Source,
     StreamInfo,
     check_same_skin,
     check_skin,
+    follow,
     of_robot,
 )
 from skinmap.skin.robot import Robot

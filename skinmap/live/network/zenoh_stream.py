@@ -42,14 +42,15 @@ from skinmap.live.network.network_messages import (
 )
 from skinmap.live.publishing.publish import HEARTBEAT, Topic, repeated
 from skinmap.live.publishing.ros2_topics import TEXT, Ros2Publisher
-from skinmap.live.sources.receiver import SILENT, follow
 from skinmap.live.sources.source import (
     MAX_BLOCK,
+    SILENT,
     Block,
     Source,
     SourceEnded,
     StreamInfo,
     check_skin,
+    follow,
     of_robot,
 )
 from skinmap.skin.robot import Robot

@@ -29,14 +29,15 @@ from skinmap.live.network.network_messages import (
     warn_if_open,
 )
 from skinmap.live.publishing.publish import HEARTBEAT, Publisher, Topic, repeated
-from skinmap.live.sources.receiver import SILENT, follow
 from skinmap.live.sources.source import (
     MAX_BLOCK,
+    SILENT,
     Block,
     Source,
     StreamInfo,
     check_same_skin,
     check_skin,
+    follow,
 )
 from skinmap.skin.robot import Robot
 
