@@ -43,7 +43,7 @@ from viewer.playing.paired_player import PairedPlayer
 from viewer.playing.player import Player
 from viewer.results import ViewPage
 from viewer.view_options import Look, Session, look_beside, new_layers
-from viewer.web.files import packed_files, page_files, served_files
+from viewer.web.files import page_files, served_files
 from viewer.web.guard import (
     LIVE,
     LOOPBACK,
@@ -60,11 +60,11 @@ from viewer.web.scene_data import make_scene
 PORT = 8080
 LARGEST = 4096  # bytes of a message from a page: it sends wishes of some words
 CLIENTS = 8  # pages at once
-LEVEL = 6  # of gzip: a scene of the whole iCub takes a fifth of a second
 OPEN = 256  # connections at once, of those too that have not said what they want
 OPENING = 20.0  # for a request to come whole, and for its answer to be taken [s]
 PIECE = 65_536  # bytes of an answer that are sent at once
 PATIENCE = 5.0  # for threads to end [s]
+LEVEL = 6  # of gzip: a scene of the whole iCub takes a fifth of a second
 SCENE = "scene.bin"
 PAIR = "pair_page"  # that frames two
 
@@ -241,10 +241,9 @@ class WebServer:
         self._socket, self.guard, self.hub, self._most = listening, guard, hub, clients
         self.connections = 0
         self._hubs = {"": hub} if beside is None else {f"{LEFT}/": hub, f"{RIGHT}/": beside}
-        self._packed = {
-            place: gzip.compress(one.scene.packed, LEVEL, mtime=0)
-            for place, one in self._hubs.items()
-        }
+        self._kept: dict[bytes, bytes] = {}  # what was compressed, by what it was
+        for one in self._hubs.values():
+            self._compressed(one.scene.packed)  # before anybody asks
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
         self._ready = threading.Event()
@@ -355,23 +354,23 @@ class WebServer:
             where = {"Location": f"/{self.guard.token}/"}
             return _respond(connection, HTTPStatus.PERMANENT_REDIRECT, b"", more=where)
         if hub is not None and name == SCENE:
-            kind, content, packed = (
-                "application/octet-stream",
-                hub.scene.packed,
-                self._packed[place],
-            )
+            kind, content = "application/octet-stream", hub.scene.packed
         elif pair and asked in page_files(PAIR):
             kind, content = page_files(PAIR)[asked]
-            packed = gzip.compress(content, LEVEL, mtime=0)
         elif hub is not None and name in served_files():
-            (kind, content), packed = served_files()[name], packed_files()[name]
+            kind, content = served_files()[name]
         else:
             return _respond(connection, HTTPStatus.NOT_FOUND, b"nothing here\n")
         more = page_headers(request.headers["Host"], framed=pair) | {"Vary": "Accept-Encoding"}
         if any("gzip" in value for value in request.headers.get_all("Accept-Encoding")):
-            content, more["Content-Encoding"] = packed, "gzip"
+            content, more["Content-Encoding"] = self._compressed(content), "gzip"
         answer = _respond(connection, HTTPStatus.OK, content, kind, more)
         return await _in_pieces(connection, answer)
+
+    def _compressed(self, content: bytes) -> bytes:
+        if content not in self._kept:
+            self._kept[content] = gzip.compress(content, LEVEL, mtime=0)
+        return self._kept[content]
 
     def _hub_at(self, path: str) -> Hub:
         """The hub that a page's path names: of two the one behind the token."""
