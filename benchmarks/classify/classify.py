@@ -19,7 +19,7 @@ import skinmap
 from benchmarks.geometry.structures import structure_rows, tiling
 from benchmarks.harness.record import command
 from benchmarks.harness.timing import medians, quartiles, ratio_quartiles, take_turns
-from benchmarks.live.live_memory import TAUGHT, train
+from benchmarks.live.live import TAUGHT, train
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import Structures, find_structures
 from skinmap.recognition.histograms.intersection import (

@@ -8,10 +8,15 @@ Touches planted on a skin, sample by sample: what contacts and identities are me
 
 from __future__ import annotations
 
+import multiprocessing as mp
+import socket
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+import uuid
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
+from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import Any
 
@@ -20,17 +25,98 @@ from numpy.typing import NDArray
 
 import skinmap
 from benchmarks.harness.record import command
-from benchmarks.harness.timing import quartiles, timed
-from benchmarks.live import recordings, transport
-from benchmarks.live.live_memory import soak, train
+from benchmarks.harness.timing import memory_mb, quartiles, timed
+from benchmarks.live import recordings
+from skinmap.live import open_publisher
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.loop import TouchLoop
+from skinmap.live.moment import Moment
+from skinmap.live.response.pressures import RestBaseline
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.open_source import open_source
-from skinmap.live.sources.source import SourceEnded
-from skinmap.recognition.classifier import TouchClassifier
+from skinmap.live.sources.playback import Playback
+from skinmap.live.sources.simulated_source import SimulatedSource
+from skinmap.live.sources.source import SourceEnded, StreamInfo
+from skinmap.recognition.classifier import TouchClassifier, classifiers
+from skinmap.recognition.descriptors import Touch
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.simulation.simulator import simulate
+
+CHANNELS = 4326
+
+
+def transports(seconds: float) -> list[dict[str, Any]]:
+    """One row a transport and rate, each for so long [s]."""
+    found = [one_way(way, rate, seconds) for way in ("zmq", "lsl") for rate in (50.0, 1000.0)]
+    return [*found, one_way("zenoh", 50.0, seconds)]
+
+
+def one_way(way: str, rate: float, seconds: float) -> dict[str, Any]:
+    """Latency, losses, and CPU of both ends of one transport at one rate."""
+    spec = f"lsl:bench-{uuid.uuid4().hex[:8]}" if way == "lsl" else f"{way}:{free_port()}"
+    clock = time.time if way == "zenoh" else time.perf_counter
+    go, said = mp.Event(), mp.Queue()
+    sender = mp.Process(target=send, args=(spec, rate, seconds, go, said))
+    sender.start()
+    said.get(timeout=60)
+    source = open_source(spec)
+    wanted, got = round(rate * seconds), 0
+    latencies = []
+    cpu = time.process_time()
+    go.set()
+    while got < wanted and (block := source.read(2.0)) is not None:
+        latencies.append(clock() - block.times[-1])
+        got += len(block)
+    cpu = time.process_time() - cpu
+    counts = source.counts
+    sent_cpu = said.get(timeout=60)
+    sender.kill()
+    died = time.perf_counter()
+    while source.alive:
+        time.sleep(0.002)
+    noticed = time.perf_counter() - died
+    source.close()
+    sender.join()
+    median, p99, most = np.percentile(np.array(latencies) * 1e3, [50, 99, 100]).tolist()
+    return {
+        "transport": way,
+        "rate_hz": rate,
+        "sent": wanted,
+        "received": got,
+        "dropped": counts.dropped + counts.lost,
+        "latency_ms": {"median": median, "p99": p99, "max": most},
+        "cpu_us_a_sample": {"send": 1e6 * sent_cpu / wanted, "receive": 1e6 * cpu / max(got, 1)},
+        "death_noticed_s": noticed,
+    }
+
+
+def send(spec: str, rate: float, seconds: float, go: Event, said: Any) -> None:
+    """Publish at a rate once somebody listens, then stay until killed."""
+    info, robot = StreamInfo("bench", ("skin",), (CHANNELS,), rate), None
+    if spec.startswith("zenoh"):
+        robot = skinmap.load_robot("icub")
+        widths = tuple(len(robot.skin(part)) for part in robot.parts)
+        info = StreamInfo("bench", robot.parts, widths, rate)
+    publisher = open_publisher(spec, info, topics=["pressure"], robot=robot)
+    values = np.random.default_rng(0).uniform(0, 200, (1, CHANNELS)).astype(np.float32)
+    said.put("ready")
+    go.wait(60)
+    began, cpu = time.perf_counter() + 0.2, time.process_time()
+    for step in range(round(rate * seconds)):
+        time.sleep(max(0.0, began + step / rate - time.perf_counter()))
+        publisher.send_samples("pressure", np.array([time.perf_counter()]), values)
+    said.put(time.process_time() - cpu)
+    go.clear()
+    go.wait(600)
+
+
+def free_port() -> int:
+    """A port that nobody has."""
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return int(one.getsockname()[1])
+
 
 PRINT = 9e-3  # at this distance from its middle a finger's print has fallen to 1/e [m]
 NOISE = 1.2  # counts, as `skinmap.touch.simulation.sensing` has it
@@ -143,7 +229,7 @@ def measure(
     model = train(skins)
     joined = JoinedSkin(skins)
     parts: dict[str, Callable[[], Any]] = {
-        "transport": lambda: transport.rows(each),
+        "transport": lambda: transports(each),
         "contacts": lambda: contacts(joined, 50 if quick else 2000),
         "identities": lambda: identities(joined, pairs),
         "press": lambda: press(skins["torso"], minutes),
@@ -210,8 +296,6 @@ def press_of_torso(minutes: float) -> dict[str, Any]:
 
 def press(skin: PreparedSkin, minutes: float) -> dict[str, Any]:
     """A press that is held, raw values without a calibration: contacts, and what is left of it."""
-    from skinmap.live.response.pressures import RestBaseline
-
     rng = np.random.default_rng(3)
     part = skin.skin.part
     own = JoinedSkin({part: skin})
@@ -246,7 +330,7 @@ def live(
     raw: bool = False,
 ) -> dict[str, Any]:
     """Follow a publisher in another process, and measure in this one."""
-    port = transport.free_port()
+    port = free_port()
     command = [
         str(Path(sys.executable).with_name("skinmap")), "simulate", "icub",
         "--fault", f"rate={rate}", "--publish", f"zmq:{port}", "--seconds", str(seconds + 4.0),
@@ -306,3 +390,105 @@ def follow(loop: TouchLoop, seconds: float) -> dict[str, Any]:
 
 if __name__ == "__main__":
     command(measure, __doc__, "live")
+
+
+TAIL = 500  # moments that are compared with those of a fresh start
+TAUGHT = ("torso", "right_forearm")  # parts that a classifier learns on
+
+
+def train(
+    skins: dict[str, PreparedSkin], name: str = "contact-geometry", each: int = 16
+) -> TouchClassifier:
+    """A classifier that learnt on two parts."""
+    rng = np.random.default_rng(2)
+    touches = [
+        Touch(skins[part], samples, label, rate=50.0)
+        for part in TAUGHT
+        for _, label, samples in simulate(skins[part].skin, rng=rng, per_gesture=each).touches()
+    ]
+    return classifiers.get(name)().fit(touches, rng=rng)
+
+
+def soak(
+    robot: Robot, skins: dict[str, PreparedSkin], model: TouchClassifier, samples: int
+) -> dict[str, Any]:
+    """Resident memory over many samples through the whole loop, and its last moments."""
+    made = SimulatedSource(robot, seed=5, speed=float("inf"), seconds=60.0)
+    blocks = []
+    try:
+        while True:
+            block = made.read(5.0)
+            if block is not None:
+                blocks.append(block.values)
+    except SourceEnded:
+        made.close()
+    values = np.concatenate(blocks)
+    info = StreamInfo("soak", made.info.parts, made.info.widths, 50.0)
+
+    def begun(first: int) -> TouchLoop:
+        times = np.arange(first, samples) / 50.0
+        played = Repeated(values, samples - first, first)
+        source = Playback(info, times, played, speed=float("inf"))
+        # Ten labels a second: it is memory that is looked at, and 200,000 samples are 67 minutes.
+        return TouchLoop(robot, source, classifier=model, skins=skins, pace=10.0)
+
+    loop, last = begun(0), deque[Moment](maxlen=TAIL)
+    early = float("nan")
+    steady = min(10_000, samples // 4)
+    start = time.process_time()
+    moments = ended = 0
+    most = 0.0
+    for moment in loop:
+        last.append(moment)
+        moments += 1
+        ended += len(loop.finished())
+        if moments == steady:
+            early = memory_mb()
+        if moments >= steady and moments % 1000 == 0:
+            most = max(most, memory_mb() - early)
+    resident = memory_mb()
+    spent = time.process_time() - start
+    # Begun where the minute begins, before any touch: a loop that is begun within one takes it for
+    # the skin's rest, and finds other contacts for a while.
+    first = max(0, samples // len(values) - 2) * len(values)
+    fresh = deque(begun(first), maxlen=TAIL)
+    return {
+        "samples": moments,
+        "touches": ended,
+        "cpu_ms_a_sample": spent / moments * 1e3,
+        "resident_mb": early,
+        "grown_mb": resident - early,
+        "most_grown_mb": most,
+        "same_as_fresh": same(last, fresh),
+    }
+
+
+def same(some: Iterable[Moment], others: Iterable[Moment]) -> bool:
+    """Whether moments show the same pressures to the bit, and touches at the same taxels."""
+    return [_shown(one) for one in some] == [_shown(one) for one in others]
+
+
+def _shown(moment: Moment) -> tuple[object, ...]:
+    touches = sorted((one.part, one.taxels.tobytes()) for one in moment.touches)
+    return moment.time, {p: one.tobytes() for p, one in moment.pressures.items()}, touches
+
+
+class Repeated:
+    """Samples over and over: `Samples` of a playback."""
+
+    def __init__(self, values: np.ndarray, count: int, first: int = 0) -> None:
+        self._values, self._count, self._first = values, count, first
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __getitem__(self, rows: slice) -> np.ndarray:
+        places = np.arange(*rows.indices(self._count)) + self._first
+        return self._values[places % len(self._values)]
+
+
+def soak_icub(samples: int) -> dict[str, Any]:
+    """The same of the whole iCub."""
+    robot = skinmap.load_robot("icub")
+    skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
+    return soak(robot, skins, train(skins), samples)

@@ -23,7 +23,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+import skinmap
 from benchmarks import ROOT
+from skinmap.io.mcap.reading import read_track
+from skinmap.live.recording.recorder import Recorder
+from skinmap.live.sources.open_source import open_source
+from skinmap.live.sources.playback import Playback
+from skinmap.live.sources.source import Block, StreamInfo
 
 RATE = 50.0  # samples a second
 MINUTES = 10
@@ -74,10 +80,6 @@ def measure_size(
     folder: Path, *, minutes: float, seed: int
 ) -> tuple[NDArray[np.uint8], dict[str, Any]]:
     """Record the simulator as fast as it goes; some of its samples, and what the file costs."""
-    import skinmap
-    from skinmap.live.recording.recorder import Recorder
-    from skinmap.live.sources.open_source import open_source
-
     robot = skinmap.load_robot("icub")
     source = open_source("sim", robot=robot, seed=seed, speed=float("inf"))
     path = folder / "size.mcap"
@@ -147,8 +149,6 @@ def kill_once(
     dict
         `found` samples, `lost_s` and `opened`.
     """
-    from skinmap.io.mcap.reading import read_track
-
     after = int(rng.integers(FEWEST, most))
     child = subprocess.Popen(
         [
@@ -198,10 +198,6 @@ def record_until_killed(stored: Path, path: Path, *, last: bool = False) -> None
 
     Its imports are done before it gives way to others: they take a minute of the lowest priority.
     """
-    from skinmap.live.recording.recorder import Recorder
-    from skinmap.live.sources.playback import Playback
-    from skinmap.live.sources.source import Block, StreamInfo
-
     values = np.load(stored)
     if last:
         os.nice(LAST)  # before any thread is begun, as Linux sets it for one thread alone

@@ -19,9 +19,9 @@ from typing import Any
 
 from benchmarks import ROOT
 from benchmarks.harness.record import RESULTS, afresh, commit, table
-from benchmarks.live import live, live_memory, recordings
+from benchmarks.live import live, recordings
 from benchmarks.reliability import cuts, full_disk, large, stops
-from benchmarks.viewer import page_soak, viewer_soak
+from benchmarks.viewer import viewer_soak
 
 FILE = RESULTS / "reliability.json"
 PAGE = ROOT / "docs" / "reliability.md"
@@ -237,13 +237,13 @@ PARTS = {
         "The loop's memory stays", SOAK,
         lambda one: f"{one['samples']:,} of the 4,320,000 samples of a day, grown by at most "
         f"{one['most_grown_mb']:.1f} MB, {one['cpu_ms_a_sample']:.2f} ms a sample; its end "
-        f"{_end(one)}", _long(live_memory.soak_icub, SAMPLES, 1500, MOST_GROWN_MB)),
+        f"{_end(one)}", _long(live.soak_icub, SAMPLES, 1500, MOST_GROWN_MB)),
     "window": Part(
         "The window's memory stays", SOAK, _shown,
         _long(viewer_soak.soak_torso, UPDATES, 500, MOST_WINDOW_MB)),
     "page": Part(
         "The page's server keeps its memory", SOAK, _shown,
-        _long(page_soak.soak, UPDATES, 500, MOST_WINDOW_MB)),
+        _long(viewer_soak.soak_page, UPDATES, 500, MOST_WINDOW_MB)),
 }  # fmt: skip
 
 if __name__ == "__main__":

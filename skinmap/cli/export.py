@@ -554,7 +554,7 @@ def export_rerun(source: str, parts: tuple[str, ...], output: Path, _: Any) -> E
     """Write a recording as a file of rerun, its touches named by the model of Skinmap."""
     from skinmap.imports import import_optional
     from skinmap.io.output import staged_file
-    from skinmap.live.rerun_file import NEED, write_rerun
+    from skinmap.live.moment_files import NEED, write_rerun
 
     import_optional("rerun", NEED)  # before any work is done
     path = Path(source)
@@ -570,11 +570,11 @@ def export_contacts(
     """Write the touches of a recording as a table, a row for each touch and sample."""
     from skinmap.imports import import_optional
     from skinmap.io.output import staged_file
-    from skinmap.live.contact_table import NEED, write_contacts
+    from skinmap.live.moment_files import NEED_ARROW, write_contacts
 
     parquet = output.suffix.lower() == ".parquet"
     if parquet:
-        import_optional("pyarrow", NEED)  # before any work is done
+        import_optional("pyarrow", NEED_ARROW)  # before any work is done
     named = _naming(Path(source), parts, calibrations)
     with named as (loop, marked), staged_file(output) as stage:
         write_contacts(loop, loop.robot, stage, parquet=parquet, marked=marked)

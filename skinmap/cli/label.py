@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 import click
 
 from skinmap.commands.options import PATH, open_robot, out_file, prints, robot_option
+from skinmap.commands.overwriting import protect
 from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.errors import MissingFileError, OutputError, SkinError
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
@@ -115,11 +117,9 @@ def command(
     if output.suffix.lower() != TABLE and table is None and asks:
         marks = by_keys(marks, track, recording.name)
     if label is not None:
-        marks = Marks(
-            tuple(
-                replace(one, label=label) if one.label == UNNAMED else one for one in marks.touches
-            )
-        )
+        said = [label if one.label == UNNAMED else one.label for one in marks.touches]
+        pairs = zip(marks.touches, said, strict=True)
+        marks = Marks(tuple(replace(one, label=word) for one, word in pairs))
     named = Marks(tuple(one for one in marks.touches if one.label not in RESERVED))
     if output.suffix.lower() == TABLE:
         with staged_file(output) as stage:
@@ -139,8 +139,6 @@ def command(
 
 def _check(recording: Path, output: Path, *, changes: bool) -> None:
     """Refuse to write over the recording or over a file that is there."""
-    from skinmap.commands.overwriting import protect
-    from skinmap.errors import MissingFileError, OutputError
     from skinmap.io.recordings.touch_files import check_suffix
 
     if not recording.exists():
@@ -198,22 +196,14 @@ def _found(recording: Path, robot: Robot, times: FloatArray) -> Marks:
     over = []
     for _ in loop:
         over += loop.finished()
-    loop.finish()
     over += loop.finished()
     loop.close()
-    return Marks(
-        tuple(
-            MarkedTouch(
-                one.part,
-                one.identity,
-                UNNAMED,
-                int(np.searchsorted(times, one.began)),
-                int(np.searchsorted(times, one.ended, side="right")) - 1,
-            )
-            for one in over
-            if one.label == FOUND
-        )
-    )
+    found = [one for one in over if one.label == FOUND]
+    first = np.searchsorted(times, [one.began for one in found]).tolist()
+    last = (np.searchsorted(times, [one.ended for one in found], side="right") - 1).tolist()
+    rows = zip(found, first, last, strict=True)
+    marks = [MarkedTouch(one.part, one.identity, UNNAMED, a, b) for one, a, b in rows]
+    return Marks(tuple(marks))
 
 
 FOUND = "found"  # inside only: what the loop calls each touch
@@ -227,7 +217,6 @@ def by_keys(marks: Marks, track: RecordedStream, name: str) -> Marks:
     UsageError
         The end without `w`: nothing is written.
     """
-    from skinmap.errors import SkinError
     from skinmap.io.recordings.marks import KEYS, MarkEditor
 
     editor = MarkEditor(marks, track)

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.commands.options import PATH, out_file, prints
+from skinmap.commands.options import PATH, named_robot, out_file, prints
+from skinmap.commands.overwriting import protect
 from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.errors import OutputError, SkinMismatchError
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
@@ -83,9 +85,6 @@ def work(paths: Sequence[Path], output: Path) -> MergeResult:
         Recordings of different robots, skins or rates.
     """
     from skinmap.cli.collection import files_of, session_names
-    from skinmap.commands.options import named_robot
-    from skinmap.commands.overwriting import protect
-    from skinmap.errors import OutputError, SkinMismatchError
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.touch_files import check_suffix, read_recordings, save_recordings
     from skinmap.touch.contacts.grouping import without_stuck
@@ -144,7 +143,6 @@ def join(recordings: Sequence[tuple[str, Recording]]) -> Recording:
     """
     import numpy as np
 
-    from skinmap.errors import SkinMismatchError
     from skinmap.touch.recording import Recording
 
     _, first = recordings[0]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import time
+import warnings
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, suppress
@@ -25,15 +26,16 @@ from skinmap.commands.options import (
     seed_option,
     speed_option,
 )
+from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import is_quiet
 from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.errors import OutputError, SkinWarning, UnknownNameError
 from skinmap.report.present import present, singular
 
 if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
     from skinmap.live.recording.recorder import Recorder
     from skinmap.live.recording.recording_tap import RecordingTap
-    from skinmap.live.sources.source import Source
 
 LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk before dropping
 LOOKED_AT = 200  # samples from which a recording is examined
@@ -127,7 +129,6 @@ def command(
     Example:  skinmap record lsl:demo -o touch.mcap --seconds 60
               skinmap record sim --label poke --part torso --person ada -o poke.mcap
     """
-    from skinmap.errors import UnknownNameError
     from skinmap.interrupts import interrupted_once
     from skinmap.live.loop import TouchLoop
     from skinmap.live.recording.recorder import Recorder, continued
@@ -159,11 +160,12 @@ def command(
     try:
         for path in continued(output):
             path.unlink()  # of the recording that --force replaces
+        dense = tuple(len(loaded.skin(part)) for part in origin.info.parts)
         recorder = Recorder(
             output,
             origin.info,
             robot=loaded,
-            widths=_pressures(origin, loaded) if named else None,
+            widths={"pressure": dense} if named else None,  # of a source of raw values
             session=session,
             person=person,
         )
@@ -211,11 +213,8 @@ def command(
 
 def _warn(recorded: RecordingTap, output: Path, *, looked_at: bool) -> None:
     """In one line the worst fault that would falsify what is trained on the recording."""
-    import warnings
-
     import numpy as np
 
-    from skinmap.errors import SkinWarning
     from skinmap.live.response.sample_checks import check_range
     from skinmap.soundness.examination import FALSIFYING, examine_track
     from skinmap.soundness.track import Track
@@ -235,8 +234,6 @@ def _warn(recorded: RecordingTap, output: Path, *, looked_at: bool) -> None:
 
 def _check_output(output: Path, source: str) -> None:
     """Refuse to replace a recording, or to write into the one that is played."""
-    from skinmap.commands.overwriting import protect
-    from skinmap.errors import OutputError
     from skinmap.live.recording.recorder import continued
 
     if output.exists() and Path(source).exists() and output.samefile(source):
@@ -344,10 +341,3 @@ def _pressure_block(moment: Any, parts: tuple[str, ...]) -> Any:
     # Counts, as a classifier is trained on; a response calibration gives fractions of them.
     counts = np.rint(row).clip(0, 255).astype(np.uint8)
     return Block(np.array([moment.time]), counts[None], 0.0)
-
-
-def _pressures(source: Source, robot: Any) -> dict[Any, tuple[int, ...]] | None:
-    """Columns of the pressures that a source of raw values gets."""
-    if source.info.kind == "pressure":
-        return None
-    return {"pressure": tuple(len(robot.skin(part)) for part in source.info.parts)}

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -68,41 +69,20 @@ def command(
     \b
     Example:  skinmap replay touch.mcap --publish lsl:demo --loop
     """
-    from skinmap.live.publishing.publish import open_publisher
+    from skinmap.live.publishing.publish import open_publisher, stream
     from skinmap.live.sources.open_recording import open_recording
 
     loaded = open_robot(robot, ())[0] if robot else None
     source = open_recording(recording, robot=loaded, parts=parts or None, speed=speed, loop=loop)
-    publisher = None
-    try:
-        publisher = open_publisher(publish, source.info, robot=loaded) if publish else None
-        sent, played = _play(source, publisher, seconds)
-    finally:
-        source.close()
-        if publisher is not None:
-            publisher.close()
-    result = ReplayResult(samples=sent, seconds=played, published=publish)
+    with closing(source), ExitStack() as ended:
+        publisher = None
+        if publish:
+            publisher = ended.enter_context(open_publisher(publish, source.info, robot=loaded))
+        began = time.perf_counter()
+        sent, _ = stream(source, publisher, seconds)
+        took = time.perf_counter() - began
+    result = ReplayResult(samples=sent, seconds=took, published=publish)
     present(result, _lines, as_json=as_json)
-
-
-def _play(source: Any, publisher: Any, seconds: float | None) -> tuple[int, float]:
-    """Samples sent, and how long it took [s]."""
-    import time
-
-    from skinmap.live.sources.source import SourceEnded
-
-    began, sent = time.perf_counter(), 0
-    try:
-        while seconds is None or time.perf_counter() - began < seconds:
-            block = source.read(0.5)
-            if block is None:
-                continue
-            sent += len(block)
-            if publisher is not None:
-                publisher.send_block(block)
-    except (SourceEnded, KeyboardInterrupt):
-        pass
-    return sent, time.perf_counter() - began
 
 
 def _lines(result: ReplayResult) -> Iterator[str]:

@@ -410,7 +410,6 @@ def publish_touches(
         sensing=answers,
         seconds=float("inf") if seconds is None else seconds,
     )
-    interrupted, began = False, time.perf_counter()
     try:
         info = source.info
         with open_publisher(spec, info, topics=(info.kind,), robot=loaded) as publisher:
@@ -421,10 +420,7 @@ def publish_touches(
                 err=True,
             )
             began = time.perf_counter()
-            try:
-                stream(source, publisher)
-            except KeyboardInterrupt:
-                interrupted = True
+            _, interrupted = stream(source, publisher)
             took = time.perf_counter() - began
             sent = publisher.sent
     finally:

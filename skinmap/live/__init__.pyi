@@ -6,12 +6,12 @@ from skinmap.live.moment import Moment as Moment
 from skinmap.live.publishing.publish import open_publisher as open_publisher
 from skinmap.live.sources.open_recording import open_recording as open_recording
 from skinmap.live.sources.open_source import open_source as open_source
-from skinmap.live.sources.receiver import Receiver as Receiver
 from skinmap.live.sources.source import PolledSource as PolledSource
+from skinmap.live.sources.source import Receiver as Receiver
 from skinmap.live.sources.source import Relay as Relay
 from skinmap.live.sources.source import Seekable as Seekable
 from skinmap.live.sources.source import Source as Source
-from skinmap.live.sources.source_check import check_source as check_source
+from skinmap.live.sources.source import check_source as check_source
 
 __all__ = [
     "Moment",

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import SkinMismatchError, UnknownNameError
+from skinmap.errors import SkinMismatchError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.named_touch import ContactEvent, NamedTouch, TouchEvent, taken
@@ -29,8 +29,9 @@ from skinmap.live.response.pressures import Response, Responses
 from skinmap.live.response.rest_gate import RestGate
 from skinmap.live.response.sample_checks import SampleChecks
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.live.sources.feed import STALE, Feed
 from skinmap.live.sources.source import (
+    SIMULATION,
+    Block,
     Counts,
     Seekable,
     Source,
@@ -51,6 +52,94 @@ from skinmap.touch.prepared_skin import PreparedSkin
 if TYPE_CHECKING:
     from skinmap.live.response.loads import PartLoads
     from skinmap.touch.load_calibration import LoadCalibration
+
+STALE = 0.5  # seconds without a sample that are shown; a source slower than that has three periods
+ARRIVALS = 64  # blocks that the present rate is taken from
+
+
+class Feed:
+    """Reads a source and notices that nothing comes.
+
+    Parameters
+    ----------
+    source : Source
+    counts : Counts
+        That it adds to.
+
+    Attributes
+    ----------
+    stale : bool
+        Whether nothing has come for a while.
+    arrived : float
+        `perf_counter` when the newest sample came [s].
+    """
+
+    def __init__(self, source: Source, counts: Counts) -> None:
+        self.source, self._counts = source, counts
+        self.stale = False
+        self.arrived = time.perf_counter()
+        self._heard = float("nan")  # until somebody listens
+        self._arrivals: deque[tuple[float, int]] = deque(maxlen=ARRIVALS)
+        self._came = 0
+        self._speed = 1.0  # that the arrivals were at
+
+    @property
+    def info(self) -> StreamInfo:
+        """What the source says of itself."""
+        return self.source.info
+
+    @property
+    def rate(self) -> float:
+        """Samples a second that came lately; 0 where none comes, NaN where unknown."""
+        if self.stale:
+            return 0.0
+        if len(self._arrivals) < 2 or np.isinf(self._speed):
+            return float("nan")
+        (first, before), (last, after) = self._arrivals[0], self._arrivals[-1]
+        return (after - before) / (last - first) if last > first else float("nan")
+
+    def read(self, timeout: float) -> Block | None:
+        """What has come; waits `timeout` [s] at most, and no longer than until it is stale.
+
+        Raises
+        ------
+        SourceEnded
+            A recording is over.
+        UnreachableError
+            The source died for good.
+        """
+        if np.isnan(self._heard):
+            self._heard = time.perf_counter()
+        until_stale = self._heard + self._patience() - time.perf_counter()
+        wait = timeout if self.stale else min(timeout, max(until_stale, 0.0))
+        block = self.source.read(wait)
+        if block is not None:
+            self.stale = False
+            if self.source.speed != self._speed:
+                self._speed = self.source.speed
+                self._arrivals.clear()  # a rate over two speeds is that of neither
+            self._heard, self.arrived = time.perf_counter(), block.arrived
+            self._came += len(block)
+            self._arrivals.append((block.arrived, self._came))
+        return block
+
+    def falls_silent(self) -> bool:
+        """Whether nothing has come for too long, told once."""
+        if self.stale or time.perf_counter() - self._heard < self._patience():
+            return False
+        self.stale = True
+        self._counts.stale += self._came > 0  # what has not begun is not interrupted
+        return True
+
+    def _patience(self) -> float:
+        """Seconds without a sample after which the source is called stale."""
+        speed = self.source.speed
+        # What is made when it is asked for is never silent, only slow.
+        if speed == 0.0 or self.info.clock == SIMULATION:
+            return float("inf")
+        rate = self.info.rate * speed
+        return max(STALE, 3.0 / rate) if rate > 0 else STALE
+
 
 PACE = 100.0  # labels a second for each part at most
 MAX_SAMPLES = 64  # samples that one step works on
@@ -141,7 +230,8 @@ class TouchLoop(Summary):
         self.feed = Feed(source, self.counts)
         info = self.info
         check_skin(info, robot)
-        chosen = chosen_parts(info, parts)
+        wanted = info.only(parts or info.parts)[0].parts
+        chosen = [part for part in info.parts if part in wanted]
         self.skins = {
             part: (skins or {}).get(part) or PreparedSkin(robot.skin(part)) for part in chosen
         }
@@ -154,7 +244,14 @@ class TouchLoop(Summary):
             info, self.counts, seekable=self.source.seekable, taxels=self._gather
         )
         self._responses = Responses(self._skin, info, responses)
-        self._loads = self._load_forces(calibrations or {})
+        self._loads: dict[str, PartLoads] = {}
+        if calibrations:
+            from skinmap.live.response.loads import PartLoads  # solvers, only where asked for
+
+            known = [part for part in calibrations if part in self.skins]
+            self._loads = {
+                part: PartLoads(self.skins[part], calibrations[part], info.rate) for part in known
+            }
         self._gate = RestGate(self._skin, info.rate)
         self._tracker = ContactTracker(self._skin)
         self._book = TouchBook(self._skin)
@@ -164,13 +261,11 @@ class TouchLoop(Summary):
             self._namer = Namer(
                 self._skin, classifier, rule=rule, rate=info.rate, pace=pace, live=self.live
             )
+            self._book.part = self._namer.rename
         self._listeners: list[Callable[[Moment], object]] = []
         self._runs: deque[tuple[bool, FloatArray, NDArray[Any]]] = deque()
-        zeros = np.zeros(len(self._skin))
-        self._last: tuple[float, FloatArray, NDArray[Any]] = (float("nan"), zeros, zeros)
-        self._block: tuple[FloatArray, NDArray[Any], NDArray[Any]] = (
-            np.zeros(0), zeros[None][:0], zeros[None][:0],
-        )  # fmt: skip
+        zeros: NDArray[Any] = np.zeros(len(self._skin))
+        self._block = np.full(1, np.nan), zeros[None], zeros[None]
         self._states: tuple[tuple[int, ...], dict[str, NDArray[Any]]] = ((), {})
         self._stuck = self._gate.rest.stuck
         self.naming = True
@@ -374,15 +469,10 @@ class TouchLoop(Summary):
         """Whether the source is live: what is done with a sample may then depend on the clock."""
         return is_live(self.source) if self._live is None else self._live
 
-    @property
-    def plays_ahead(self) -> bool:
-        """Whether the source plays as fast as it is asked: then no sample is passed over."""
-        return bool(np.isinf(self.source.speed))
-
     def _next_run(self) -> tuple[bool, FloatArray, NDArray[Any]]:
         """Samples that one step works on: a few at once, one where none is to be passed over."""
         anew, times, values = self._runs.popleft()
-        most = 1 if self._singly or self.plays_ahead else MAX_SAMPLES
+        most = 1 if self._singly or np.isinf(self.source.speed) else MAX_SAMPLES
         if len(times) > most:
             self._runs.appendleft((False, times[most:], values[most:]))
         return anew, times[:most], values[:most]
@@ -399,30 +489,20 @@ class TouchLoop(Summary):
             loads.take(dense[:, self._skin.slices[part]], bool(touched.any()))
         for row, now in enumerate(times.tolist()):
             self._tracker.update(now, touched[row])
-            tracks = self._tracker.tracks
-            self._keep_book(now, touched[row])
+            tracks, swallowed = self._tracker.tracks, self._tracker.swallowed
+            self._book.update(tracks, None, swallowed, time=now, pressures=touched[row])
             if self._namer is not None and self.naming:
                 self._namer.push(now, touched[row], tracks, self._book.lasting)
             # Which samples come together is the clock's doing: only live ones are named by that.
             due = not live or row == last or row % NAMED == NAMED - 1
             if self._namer is not None and self.naming and tracks and due:
-                self._namer.name(now, tracks, live=live, speed=self.source.speed)
-                self._keep_book(now)
+                labels = self._namer.name(now, tracks, live=live, speed=self.source.speed)
+                self._book.update(tracks, labels, swallowed, time=now)
         if self._gate.rest.stuck is not self._stuck:
             self._stuck = self._gate.rest.stuck
             self._book.withdraw(self._stuck)
         self.counts.used += len(times)
-        self._last = (float(times[-1]), pressures[-1], dense[-1])
         self._block = (times, pressures, dense)
-
-    def _load_forces(self, calibrations: Mapping[str, LoadCalibration]) -> dict[str, PartLoads]:
-        if not calibrations:
-            return {}
-        from skinmap.live.response.loads import PartLoads  # solvers, only where asked for
-
-        known = {part: one for part, one in calibrations.items() if part in self.skins}
-        rate = self.info.rate
-        return {part: PartLoads(self.skins[part], one, rate) for part, one in known.items()}
 
     def _weighed(self, touches: tuple[NamedTouch, ...]) -> tuple[NamedTouch, ...]:
         """The touches with their forces, on parts that have a load calibration."""
@@ -437,16 +517,6 @@ class TouchLoop(Summary):
             return None
         return self._namer.revise(entry.identity, entry.part, entry.began, entry.seen)
 
-    def _keep_book(self, now: float, pressures: FloatArray | None = None) -> None:
-        labels = None if self._namer is None else self._namer.labels
-        tracks, swallowed = self._tracker.tracks, self._tracker.swallowed
-        over = self._book.update(tracks, labels, swallowed, time=now, pressures=pressures)
-        if self._namer is not None:
-            for touch, new in self._book.parted.items():
-                self._namer.rename(touch, new)
-            for touch in over:
-                self._namer.drop(touch)
-
     def _begin_anew(self) -> None:
         """The clock jumped: what was touched before is over."""
         self._tracker.forget()
@@ -455,24 +525,23 @@ class TouchLoop(Summary):
             self._namer.forget()
 
     def _show(self, *, stale: bool = False) -> Moment:
-        now, pressures, raw = self._last
         times, every, samples = self._block
+        now = float(times[-1])
         slices = self._skin.slices.items()
-        touches, contacts = self._book.show(self._tracker.tracks)
+        touches = self._book.show(self._tracker.tracks)
         if self._loads:
-            touches, contacts = self._weighed(touches), self._weighed(contacts)
+            touches = self._weighed(touches)
         latency = float("nan") if stale else time.perf_counter() - self.feed.arrived
         return Moment(
             now,
-            self._skin.split(pressures),
+            self._skin.split(every[-1]),
             touches,
-            self._skin.split(raw) if self.info.kind == "raw" else {},
+            self._skin.split(samples[-1]) if self.info.kind == "raw" else {},
             self.source.angles_at(now),
             stale=stale,
             rate=self.feed.rate,
             latency=latency,
             dropped=self.source.counts.dropped,
-            contacts=contacts,
             states=self.states(),
             skins=self.skins,
             block=(
@@ -525,17 +594,3 @@ def check_classifier(classifier: TouchClassifier, skins: Any) -> None:
         difference = classifier.difference(skin.skin)
         if not difference.may_go_on:
             raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
-
-
-def chosen_parts(info: StreamInfo, parts: Sequence[str] | None) -> tuple[str, ...]:
-    """Parts of a stream that were asked for, in its order; all where none was.
-
-    Raises
-    ------
-    UnknownNameError
-        The stream has no such part.
-    """
-    for part in parts or ():
-        if part not in info.parts:
-            raise UnknownNameError(f"part in stream {info.name!r}", part, info.parts)
-    return tuple(part for part in info.parts if not parts or part in parts)

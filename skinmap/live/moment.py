@@ -41,9 +41,6 @@ class Moment(Drawable):
         From a sample's arrival to this moment [s]; NaN where nobody measures.
     dropped : int
         Samples left out so far because they came quicker than they were used.
-    contacts : tuple of NamedTouch
-        The connected pieces of the touches one by one, each with a number of its own and the
-        label of its touch.
     states : mapping of str to (n,) array of str
         Of each part's taxels: "ok", "stuck", "noisy", "dead", or "unheard": no number, or no rest
         seen yet; "dead": silent while those around it were pressed.
@@ -70,7 +67,6 @@ class Moment(Drawable):
     rate: float = float("nan")
     latency: float = float("nan")
     dropped: int = 0
-    contacts: tuple[NamedTouch, ...] = ()
     states: Mapping[str, NDArray[np.str_]] = field(default_factory=dict)
     skins: Mapping[str, PreparedSkin] = field(default_factory=dict)
     block: tuple[FloatArray, Rows, Rows] | None = None

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import BrokenPluginError, SkinError, SkinWarning
-from skinmap.live.contacts.followed_contact import Track
+from skinmap.live.contacts.sample_contacts import Track
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.recognition.classifier import Prediction, TouchClassifier
 from skinmap.recognition.naming import Named, name_touches
@@ -59,7 +59,6 @@ class Namer:
         self.skin, self.classifier = skin, classifier
         kept = min(rate, RATE) if rate > 0 else RATE
         self.rule = GroupingRule(rule.span, rule.together, kept)
-        self.labels: dict[int, Prediction] = {}
         self.named = 0  # touches so far
         self.failed = 0  # times that the classifier gave no answer
         for number, one in enumerate(skin.skins.values()):
@@ -163,12 +162,11 @@ class Namer:
         self._touch_of.fill(-1)
         self._count = 0
         self._slot = -np.inf
-        self.labels.clear()
 
     def name(
         self, time: float, tracks: Sequence[Track], *, live: bool = True, speed: float = 1.0
-    ) -> None:
-        """Name the touches on the parts whose turn it is; `labels` and `Track.touch` change.
+    ) -> dict[int, Prediction]:
+        """Name the touches on the parts whose turn it is, by their numbers; `Track.touch` changes.
 
         Parameters
         ----------
@@ -184,6 +182,7 @@ class Namer:
         """
         quicker = speed if 1.0 < speed < np.inf else 1.0
         pause = quicker * self._pause
+        labels: dict[int, Prediction] = {}
         present = [track for track in tracks if len(track.taxels)]
         parts = sorted({track.part for track in present}, key=lambda one: float(self._done[one]))
         for part in parts:
@@ -194,9 +193,10 @@ class Namer:
             if live and started < self._rests:
                 break
             self._done[part] = time
-            self._name_part(time, part, own)
+            labels |= self._name_part(time, part, own)
             ended = clock.perf_counter()
             self._rests = ended + (ended - started) * (1.0 / SHARE - 1.0)
+        return labels
 
     def _calm(self, part: int, tracks: Sequence[Track]) -> float:
         """How long the names on a part stand until they are looked at again [s]."""
@@ -208,10 +208,6 @@ class Namer:
     def rename(self, touch: int, new: int) -> None:
         """What was felt of a touch was felt of another one."""
         self._touch_of[self._touch_of == touch] = new
-
-    def drop(self, touch: int) -> None:
-        """Forget the label of a touch that is over."""
-        self.labels.pop(touch, None)
 
     def revise(self, touch: int, part: int, began: float, ended: float) -> Prediction | None:
         """Name a touch that is over from all of it; None where too little of it is kept."""
@@ -234,7 +230,7 @@ class Namer:
         self.named += 1
         return max(found, key=lambda one: int(one.taxels.sum())).prediction
 
-    def _name_part(self, time: float, part: int, tracks: list[Track]) -> None:
+    def _name_part(self, time: float, part: int, tracks: list[Track]) -> dict[int, Prediction]:
         name = self.skin.parts[part]
         columns = self.skin.slices[name]
         first = max(int(self._first[part]), self._count - MEMORY)
@@ -247,27 +243,27 @@ class Namer:
         samples[:, over] = 0
         known = self._touch_of[columns] if cut else None
         found = self._found(self.skin.skins[name], samples, ended=False, known=known)
-        self._hand_out(found, tracks, columns.start)
+        return self._hand_out(found, tracks, columns.start)
 
-    def _hand_out(self, found: Sequence[Named], tracks: list[Track], start: int) -> None:
+    def _hand_out(
+        self, found: Sequence[Named], tracks: list[Track], start: int
+    ) -> dict[int, Prediction]:
         """Say of each contact which touch it is part of, and the label of each touch."""
-        if not found:
-            return
         groups: dict[int, list[Track]] = {}
         for track in tracks:
             shared = [int(one.taxels[track.taxels - start].sum()) for one in found]
-            if max(shared) > 0:
+            if max(shared, default=0) > 0:
                 groups.setdefault(int(np.argmax(shared)), []).append(track)
-        taken: set[int] = set()
+        labels: dict[int, Prediction] = {}
         identities = {track.identity for track in tracks}
         for number, members in sorted(
             groups.items(), key=lambda item: min(one.touch for one in item[1])
         ):
             own = {one.identity for one in members}
             # A number of their own is always left: those of other contacts are not given away.
-            touch = min((own | {one.touch for one in members}) - taken - (identities - own))
-            taken.add(touch)
+            touch = min((own | {one.touch for one in members}) - labels.keys() - (identities - own))
             for one in members:
                 one.touch = touch
-            self.labels[touch] = found[number].prediction
+            labels[touch] = found[number].prediction
             self.named += 1
+        return labels

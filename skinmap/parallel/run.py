@@ -17,8 +17,7 @@ import numpy as np
 
 from skinmap.disk_cache import content_key
 from skinmap.errors import SkinWarning, UnreachableError
-from skinmap.parallel.pool import Pool, WorkersLostError
-from skinmap.parallel.workers import ONE, Workers, opened_pool
+from skinmap.parallel.workers import ONE, Pool, Workers, WorkersLostError, opened_pool
 
 T = TypeVar("T")
 R = TypeVar("R")

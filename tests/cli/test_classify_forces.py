@@ -204,7 +204,7 @@ def test_record_weighs_no_touches_without_names(folder: Path, tmp_path: Path) ->
 
 def test_contact_tables_keep_times_of_any_clock(tmp_path: Path) -> None:
     """Seconds of Unix have ten digits before the point, and samples are 10 ms apart."""
-    from skinmap.live.contact_table import COLUMNS, _write_csv
+    from skinmap.live.moment_files import COLUMNS, _write_csv
 
     times = [1.7e9 + 0.01, 1.7e9 + 0.02, 123456.789]
     rows = ([time, 1, "torso", *[0.5] * (len(COLUMNS) - 3)] for time in times)

@@ -23,7 +23,7 @@ from calibration.files.mount_files import read_wrenches
 from skinmap import archive
 from skinmap.errors import DataFormatError, InvalidArrayError, MessageError
 from skinmap.io.ros2.messages import points_of
-from skinmap.live.network.addresses import parse_address
+from skinmap.live.network.network_messages import parse_address
 from skinmap.touch.recording import Recording
 from viewer.interaction.view_file import load_view
 from viewer.web.hub import Client
@@ -32,7 +32,7 @@ ROOT = Path(__file__).parents[2]
 FEW = 25  # examples of each target in the suite; `make fuzz` takes 5,000
 # Nothing that is read comes from elsewhere, or it runs through one that is listed.
 NO_READERS = {
-    "skinmap.live.network.lsl_settings.load_lsl": "loads a library",
+    "skinmap.live.network.lsl_stream.load_lsl": "loads a library",
     "skinmap.live.response.pressures.load_responses": "load_response, by entry point",
     "skinmap.recognition.training.read_size": "a word of a profile, tested there",
     "skinmap.commands.options.read_radius": "words of a command line, tested with it",

@@ -5,7 +5,7 @@ import warnings
 import pytest
 
 from skinmap.errors import InvalidArrayError, SkinWarning
-from skinmap.live.network.addresses import Address, parse_address, warn_if_open
+from skinmap.live.network.network_messages import Address, parse_address, warn_if_open
 
 
 @pytest.mark.parametrize(

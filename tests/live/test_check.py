@@ -9,12 +9,12 @@ from skinmap.errors import BrokenPluginError
 from skinmap.live import check_source
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.simulated_source import SimulatedSource
-from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
 
 INFO = StreamInfo("planted", ("arm",), (3,), 50.0)
 
 
-class Good:
+class Good(Source):
     """Keeps the contract; what inherits from it breaks one promise."""
 
     dtype: object = np.uint8
@@ -22,7 +22,7 @@ class Good:
     step = 1.0
 
     def __init__(self) -> None:
-        self.info = INFO
+        super().__init__(INFO)
         self.now = 0.0
         self.closed = False
 
@@ -48,7 +48,7 @@ def test_our_sources_keep_the_contract(icub):
     check_source(lambda: Playback(INFO, np.arange(30) / 50, values, speed=np.inf, loop=False))
 
 
-class NoInfo:
+class NotDerived:
     def read(self, timeout: float):
         return None
 
@@ -59,23 +59,7 @@ class NoInfo:
 class OtherInfo(Good):
     def __init__(self) -> None:
         super().__init__()
-        self.info = {"parts": 1}
-
-
-class OtherCounts(Good):
-    counts = {"lost": 3}  # noqa: RUF012
-
-
-class DegreesAsText(Good):
-    def angles_at(self, time: float) -> object:
-        return {"elbow": "90 deg"}
-
-
-class HalfARecording(Good):
-    speed = 1.0
-
-    def seek(self, seconds: float) -> None:
-        pass
+        self._info = {"parts": 1}
 
 
 class Silent(Good):
@@ -165,10 +149,7 @@ class Forgets(Playback):
 @pytest.mark.parametrize(
     ("make", "said"),
     [
-        (NoInfo, "NoInfo has no 'info'; a source has 'info', 'read' and 'close'"),
-        (OtherCounts, "counts is a dict, expected Counts"),
-        (DegreesAsText, "angles_at gives {'elbow': '90 deg'}, expected angles"),
-        (HalfARecording, "has 'seek' but no 'loop', 'duration', 'position'; a recording has all"),
+        (NotDerived, "NotDerived does not derive from skinmap.live.Source"),
         (lambda: 1 / 0, "cannot be opened: ZeroDivisionError"),
         (OtherInfo, "info is a dict, expected StreamInfo"),
         (Silent, r"nothing came within 0\.3 s"),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from skinmap.live.contacts.contact_tracker import BRIDGE, ContactTracker
-from skinmap.live.contacts.followed_contact import SETTLED
+from skinmap.live.contacts.sample_contacts import SETTLED
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.prepared_skin import PreparedSkin

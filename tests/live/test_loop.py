@@ -21,7 +21,7 @@ from skinmap.live import namer
 from skinmap.live.loop import TouchLoop
 from skinmap.live.publishing.publish import Publisher
 from skinmap.live.sources.playback import Playback
-from skinmap.live.sources.source import Block, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
 from skinmap.recognition.classifier import classifiers
 from skinmap.recognition.descriptors import Touch
 from skinmap.recognition.named_classifiers import default_model
@@ -32,11 +32,14 @@ N = 48
 INFO = StreamInfo("planted", (PART,), (N,), RATE)
 
 
-class Planted:
+class Planted(Source):
     """A source of blocks that are there already, and of exceptions; then it is silent or ends."""
 
+    speed = 1.0
+
     def __init__(self, things, info=INFO, *, ends=True):
-        self.info, self.things, self.ends = info, list(things), ends
+        super().__init__(info)
+        self.things, self.ends = list(things), ends
         self.closed = 0
         self.quiet = threading.Event()
 
@@ -197,7 +200,6 @@ def test_moments_tell_all_of_a_touch(icub, prepared):
     (moment,) = list(TouchLoop(icub, source))
     (touch,) = moment.touches
     skin = prepared(PART)
-    assert moment.contacts == (touch,)
     assert touch.began == 1 / RATE
     assert touch.identity == 0
     assert touch.taxels.tolist() == [10, 11]
@@ -228,10 +230,7 @@ def test_a_classifier_names_live_touches_as_it_names_events(icub, prepared, mode
     assert sum(a == b for a, b in zip(said, truth, strict=True)) >= 13
     # Fingers that land together are one touch: no more touches than events and a few splits.
     assert len(ended) <= len(truth) + 3
-    several = [moment for moment in moments if len(moment.contacts) > len(moment.touches)]
-    assert several, "three fingers are three contacts of one touch"
-    for moment in moments:
-        assert {one.label for one in moment.contacts} == {one.label for one in moment.touches}
+    assert any(one.contacts > 1 for one in ended), "three fingers are three contacts of one touch"
 
 
 def test_a_classifier_that_fails_costs_names_and_no_sample(icub, prepared, model, monkeypatch):
@@ -427,7 +426,7 @@ def test_memory_stays_flat(icub, prepared, model):
 
 
 def test_what_a_source_and_the_loop_count_is_counted_once(icub, prepared):
-    from skinmap.live.sources.receiver import Receiver
+    from skinmap.live.sources.source import Receiver
 
     values = np.zeros((3, N), np.float32)
     values[1, 3] = np.nan

@@ -26,8 +26,8 @@ from skinmap.errors import (
 from skinmap.live import check_source, open_publisher, open_source
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
-from skinmap.live.network import lsl_settings
-from skinmap.live.network.lsl_settings import load_lsl, read_description, settings, split_scope
+from skinmap.live.network import lsl_stream
+from skinmap.live.network.lsl_stream import load_lsl, read_description, settings, split_scope
 from skinmap.live.sources.source import StreamInfo
 
 DEADLINE = 30.0  # [s]; only a fault takes as long
@@ -312,10 +312,10 @@ def test_settings_are_read_once_in_a_process(lsl):
 
 def test_opening_lsl_to_the_network_is_warned_of(monkeypatch, lsl):
     given = []
-    monkeypatch.setattr(lsl_settings, "_scope", [])
+    monkeypatch.setattr(lsl_stream, "_scope", [])
     monkeypatch.setattr(lsl, "set_config_content", given.append)
     # As if it had never been loaded; an import gives back the same module.
-    monkeypatch.setattr(lsl_settings, "_is_loaded", lambda: False)
+    monkeypatch.setattr(lsl_stream, "_is_loaded", lambda: False)
     with pytest.warns(SkinWarning, match="LSL is open to"):
         load_lsl("any")
     assert given == [settings("any")]
@@ -325,7 +325,7 @@ def test_own_settings_of_the_user_win(monkeypatch, lsl, tmp_path):
     own = tmp_path / "lsl_api.cfg"
     own.write_text("[lab]\nSessionID = mine\n")
     monkeypatch.setenv("LSLAPICFG", str(own))
-    monkeypatch.setattr(lsl_settings, "_scope", [])
+    monkeypatch.setattr(lsl_stream, "_scope", [])
     with pytest.warns(SkinWarning, match=r"LSL follows .*lsl_api\.cfg \(LSLAPICFG\)"):
         load_lsl("")
 

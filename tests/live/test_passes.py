@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import skinmap
-from skinmap.live.contacts.followed_contact import Track
+from skinmap.live.contacts.sample_contacts import Track
 from skinmap.live.loop import TouchLoop
 from skinmap.live.namer import Namer
 from skinmap.live.robot_skin import JoinedSkin

@@ -6,7 +6,7 @@ import trimesh
 
 from skinmap.geometry.point_surface import SurfaceWalker
 from skinmap.geometry.proximity import closest_on_mesh
-from skinmap.live.contacts.followed_contact import POINTS, STEP, Stroke
+from skinmap.live.contacts.sample_contacts import POINTS, STEP, Stroke
 
 
 def length(way):

@@ -107,7 +107,7 @@ def test_a_pause_of_the_network_changes_nothing(serial, tmp_path):
 def test_a_scheduler_that_is_lost_is_a_line_and_the_sweep_goes_on_with_the_next(
     serial, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr("skinmap.parallel.pool.ABSENT_SECONDS", 1.0)
+    monkeypatch.setattr("skinmap.parallel.workers.ABSENT_SECONDS", 1.0)
     tasks, kept = held(tmp_path), tmp_path / "kept"
     with cluster() as (address, processes):
 

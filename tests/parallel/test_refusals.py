@@ -11,9 +11,9 @@ from click.testing import CliRunner
 from skinmap.cli.main import cli, main
 from skinmap.errors import MissingLibraryError, UnreachableError, VersionMismatchError
 from skinmap.parallel import Workers, run_tasks
-from skinmap.parallel.pool import LIBRARIES, ClusterPool, check_versions
+from skinmap.parallel.workers import COMPARED, ClusterPool, check_versions
 
-OURS = dict.fromkeys(LIBRARIES, "1.2.3") | {"python": "3.11.7.final.0"}
+OURS = dict.fromkeys(COMPARED, "1.2.3") | {"python": "3.11.7.final.0"}
 AT = "tcp://10.0.0.9:4711"
 
 
@@ -50,7 +50,7 @@ def scheduler(monkeypatch):
         monkeypatch.setitem(
             sys.modules, "distributed", SimpleNamespace(Client=lambda *_, **__: client)
         )
-        monkeypatch.setattr("skinmap.parallel.pool.WORKER_SECONDS", 0.0)
+        monkeypatch.setattr("skinmap.parallel.workers.WORKER_SECONDS", 0.0)
         return client
 
     return put

@@ -29,6 +29,7 @@ from skinmap.errors import (
     UnreachableError,
 )
 from skinmap.geometry.rigid import transform_points
+from skinmap.live.sources.source import Block, Source, StreamInfo
 from viewer.inputs import parse_address, read_token
 
 FOOT = ("--part", "left_foot")
@@ -277,18 +278,14 @@ def test_port_in_use_is_told(opengl):
             view(*FOOT, "--web", port, "--seconds", "1")
 
 
-class Dying:
+class Dying(Source):
     """A live source that sends some samples and then does what a test wants."""
 
     def __init__(self, robot, then) -> None:
-        from skinmap.live.sources.source import StreamInfo
-
         self.n, self.then, self.sent = len(robot.skin("left_foot")), then, 0
-        self.info = StreamInfo("dying", ("left_foot",), (self.n,), 50.0, clock="local")
+        super().__init__(StreamInfo("dying", ("left_foot",), (self.n,), 50.0, clock="local"))
 
     def read(self, timeout):
-        from skinmap.live.sources.source import Block
-
         self.sent += 1
         if self.sent > 5:
             return self.then(self)
@@ -303,9 +300,7 @@ def silent(source):
 
 
 def shorter(source):
-    from skinmap.live.sources.source import check_block
-
-    return check_block(source.info, [1.0], np.zeros((1, source.n - 1)), time.perf_counter())
+    raise SkinMismatchError(f"{source.n - 1} values in a sample, its skin has {source.n} channels")
 
 
 @pytest.fixture
@@ -355,8 +350,6 @@ def test_source_that_comes_back_is_shown_again(window_on, icub):
     shown = []  # the window, once there is one
 
     def after_a_while(source):
-        from skinmap.live.sources.source import Block
-
         if not shown or not shown[0].scene.moment.stale:
             return None
         values = np.full((1, source.n), 40.0, np.float32)

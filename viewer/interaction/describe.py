@@ -15,7 +15,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.panel.touch_list import caption
 from viewer.drawing.skin.taxel_drawing import SIGNS
 from viewer.layers import Layer, Layers
-from viewer.web.packing import finite
+from viewer.web.scene_data import finite
 
 MANY = 8  # neighbours that are listed by number
 

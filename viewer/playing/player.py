@@ -20,7 +20,7 @@ from skinmap.errors import InvalidArrayError
 from skinmap.live.moment import Moment
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import Seekable, SourceEnded, is_live
-from viewer.playing.recent_moments import History, Outlet, Past, Timeline
+from viewer.playing.recent_moments import History, Outlet, Timeline
 
 PERIOD = 0.02  # between two samples where the source states none [s]
 
@@ -33,6 +33,11 @@ PATIENCE = 3.0  # for the thread to end when it is closed [s]
 
 
 NEAR = 0.3  # a touch that begins so near to what is shown is the one that is shown [s]
+
+
+def _recorded(name: str) -> Any:
+    """A member of a feed's recording."""
+    return property(lambda self: float(getattr(self._recording, name, math.nan)), doc="[s].")
 
 
 class LoopFeed:
@@ -49,20 +54,9 @@ class LoopFeed:
         rate = source.info.rate
         self.period = 1.0 / rate if rate > 0 else PERIOD
 
-    @property
-    def duration(self) -> float:
-        """Of the recording [s]."""
-        return math.nan if self._recording is None else self._recording.duration
-
-    @property
-    def position(self) -> float:
-        """Seconds from the recording's beginning, of the sample that comes next."""
-        return math.nan if self._recording is None else self._recording.position
-
-    @property
-    def began(self) -> float:
-        """Time of the recording's beginning, in the moments' clock [s]; NaN where it is unknown."""
-        return float(getattr(self._recording, "began", math.nan))
+    # Of the recording: how long it lasts, where the sample lies that comes next, and when it began
+    # in the moments' clock [s]; NaN where there is none.
+    duration, position, began = map(_recorded, ("duration", "position", "began"))
 
     @property
     def loop(self) -> bool:
@@ -260,7 +254,9 @@ class Player:
         self._outlet = Outlet()
         self._news = self._outlet.news  # guards all below
         self._history = History()
-        self._past = Past()
+        # What can be stepped through while the picture is halted, oldest first, and which is shown.
+        self._past: tuple[Moment, ...] = ()
+        self._cursor = -1
         self.timeline = Timeline()
         # Time of the recording's beginning, in the moments' clock [s].
         self._origin = float(getattr(self._feed, "began", math.nan))
@@ -366,7 +362,7 @@ class Player:
     def spans(self) -> list[list[object]]:
         """Touches that were seen, as the pages get them: of what is live those of `span`."""
         with self._news:
-            found = (*self.timeline.notes(), *self.timeline.spans())
+            found = self.timeline.every()
         first = self.span[0]
         return [s.to_json(self.origin) for s in found if s.ended - self.origin >= first]
 
@@ -382,8 +378,7 @@ class Player:
         False where none is known that way.
         """
         with self._news:
-            every = (*self.timeline.notes(), *self.timeline.spans())
-            begun = sorted({one.began - self.origin for one in every if one.part})
+            begun = sorted({one.began - self.origin for one in self.timeline.every() if one.part})
         here = self.position
         there = [one for one in begun if (one > here + NEAR if way > 0 else one < here - NEAR)]
         return bool(there) and self.seek(there[0] if way > 0 else there[-1])
@@ -415,7 +410,7 @@ class Player:
         with self._news:
             if not self._paused:
                 self._paused = True
-                self._past = self._remembered()
+                self._remember_past()
         self._wake.set()
 
     def play(self) -> None:
@@ -425,11 +420,11 @@ class Player:
                 return
             self._paused = False
             if self.seekable and self.moment is not None:
-                if not self._past.newest:
+                if self._cursor < len(self._past) - 1:
                     self._asked = self.moment.time
             elif (newest := self._history.newest) is not None:
                 self._outlet.show(newest)
-            self._past = Past()
+            self._past, self._cursor = (), -1
         if self._ended and self.seekable:
             self.seek(0.0)
         self._wake.set()
@@ -446,8 +441,9 @@ class Player:
             if goal is not None and self.seekable:  # on its way: from where it goes
                 last = self.origin + self.duration
                 return self._ask(min(goal + count * self._feed.period, last))
-            if (moment := self._past.step(count)) is not None:
-                self._outlet.show(moment)
+            if 0 <= (there := self._cursor + count) < len(self._past):
+                self._cursor = there
+                self._outlet.show(self._past[there])
                 return True
             shown, over = self.moment, self._ended and count > 0
             if shown is None or over or not self._feed.halts:
@@ -468,9 +464,11 @@ class Player:
         if not self.seekable and not self._feed.paced:
             self.pause()
             with self._news:
-                if (moment := self._past.at(self.origin + seconds)) is None:
+                gaps = [abs(one.time - (self.origin + seconds)) for one in self._past]
+                if not gaps:
                     return False
-                self._outlet.show(moment)
+                self._cursor = gaps.index(min(gaps))
+                self._outlet.show(self._past[self._cursor])
             return True
         with self._news:
             inside = min(max(seconds, 0.0), self.duration)
@@ -572,7 +570,7 @@ class Player:
                     self.timeline.see(moment)
             touched = [one.time for one in moments if one.touches and one.time < named]
             self._named = touched[-1] if touched else -math.inf
-            self._past = Past()
+            self._past, self._cursor = (), -1
             self._more, self._ended = int(self._paused and not moments), False
             if moments:
                 self._land(moments[-1])
@@ -597,12 +595,13 @@ class Player:
     def _land(self, moment: Moment) -> None:
         """Show the newest moment of the history."""
         if self._paused:
-            self._past = self._remembered()
+            self._remember_past()
         self._outlet.show(moment, fresh=True)
 
-    def _remembered(self) -> Past:
-        """What can be stepped through: moments whose touches have the names of a straight play."""
-        return Past(tuple(one for one in self._history.moments() if one.time > self._named))
+    def _remember_past(self) -> None:
+        """Keep moments whose touches have the names of a straight play; the newest is shown."""
+        self._past = tuple(one for one in self._history.moments() if one.time > self._named)
+        self._cursor = len(self._past) - 1
 
     def remember(self, seconds: float) -> None:
         """Keep so many seconds before each shown moment from now on, for an open plot."""

@@ -168,42 +168,6 @@ class History:
         self._bytes = 0
 
 
-class Past:
-    """Moments to step through while the picture is halted, from the newest backwards.
-
-    Parameters
-    ----------
-    moments : tuple of Moment
-        Oldest first.
-    """
-
-    def __init__(self, moments: tuple[Moment, ...] = ()) -> None:
-        self._moments = moments
-        self._cursor = len(moments) - 1
-
-    @property
-    def newest(self) -> bool:
-        """Whether nothing newer is remembered than what is shown."""
-        return self._cursor >= len(self._moments) - 1
-
-    def step(self, count: int) -> Moment | None:
-        """The moment `count` later (negative: earlier); None where none is remembered."""
-        goal = self._cursor + count
-        if not 0 <= goal < len(self._moments):
-            return None
-        self._cursor = goal
-        return self._moments[goal]
-
-    def at(self, time: float) -> Moment | None:
-        """The moment nearest to a time [s]; None where nothing is remembered."""
-        if not self._moments:
-            return None
-        self._cursor = min(
-            range(len(self._moments)), key=lambda k: abs(self._moments[k].time - time)
-        )
-        return self._moments[self._cursor]
-
-
 def small(values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
     """Arrays as bytes where they hold whole counts, else in single precision."""
     found = {}
@@ -339,9 +303,9 @@ class Timeline:
         """Touches that were found, in the order in which they came."""
         return tuple(self._spans.values())
 
-    def notes(self) -> tuple[Span, ...]:
-        """Marks and gaps of the recording."""
-        return self._notes
+    def every(self) -> tuple[Span, ...]:
+        """Marks and gaps of the recording, and these."""
+        return (*self._notes, *self.spans())
 
 
 class Excerpt:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import re
 from functools import cache
 from importlib import resources
@@ -33,12 +32,6 @@ def served_files() -> dict[str, tuple[str, bytes]]:
     served = {n: file for n, file in page_files().items() if not n.endswith(".js")}
     kind = page_files()[f"{START}.js"][0]
     return served | {f"{START}.js": (kind, joined_scripts().encode())}
-
-
-@cache
-def packed_files() -> dict[str, bytes]:
-    """The same, compressed."""
-    return {name: gzip.compress(file, 9, mtime=0) for name, (_, file) in served_files().items()}
 
 
 def page_text(name: str) -> str:

@@ -22,9 +22,8 @@ from viewer.layers import Layer, Layers, check_layer, check_values
 from viewer.playing.player import Player
 from viewer.results import LAYERS
 from viewer.scene import make_plot
-from viewer.web.packing import finite
 from viewer.web.sample import SampleWriter, layer_message
-from viewer.web.scene_data import WebScene
+from viewer.web.scene_data import WebScene, finite
 
 if TYPE_CHECKING:
     from websockets.asyncio.server import ServerConnection
@@ -139,11 +138,14 @@ class Hub:
         self._written: dict[str, bytes] = {}  # samples of now, by layer
         self._wishes: dict[str, Callable[[Client, dict[str, Any]], None]] = {
             "drawn": self._drawn,
+            "layer": self._ask_layer,
+            "pick": self._pick,
+            "point": self._pick,
             "play": lambda _, wish: self.player.play(),
             "pause": lambda _, wish: self.player.pause(),
             "step": self._step,
             "seek": self._seek,
-            "speed": lambda _, wish: self._speed(wish),
+            "speed": lambda _, wish: setattr(self.player, "speed", _number(wish["to"])),
             "plot": self._plot,
             "loop": lambda _, wish: setattr(self.player, "loop", bool(wish.get("to"))),
             "zero": lambda _, wish: self.player.zero(),
@@ -361,21 +363,18 @@ class Hub:
         """Do what a page asks for; what makes no sense is answered with a line and forgotten."""
         try:
             wish = json.loads(text)
-            name = wish["do"]
-            if name == "layer":
-                self._ask_layer(client, str(wish["to"]))
-            elif name in ("pick", "point"):
-                self._describe(client, name, str(wish["part"]), int(wish["taxel"]))
-            else:
-                self._wishes[name](client, wish)
+            self._wishes[wish["do"]](client, wish)
         except (ValueError, TypeError, KeyError, OverflowError, RecursionError):
             client.tell({"kind": "problem", "text": "the page asked for something unknown"})
         except SkinError as error:
             client.tell({"kind": "problem", "text": str(error)})
 
-    def _ask_layer(self, client: Client, name: str) -> None:
+    def _pick(self, client: Client, wish: dict[str, Any]) -> None:
+        self._describe(client, wish["do"], str(wish["part"]), int(wish["taxel"]))
+
+    def _ask_layer(self, client: Client, wish: dict[str, Any]) -> None:
         """Show another layer as soon as it is made: structures take a second, samples go on."""
-        client.wanted = check_layer(name)
+        client.wanted = check_layer(str(wish["to"]))
         if client.making is None or client.making.done():
             client.making = asyncio.create_task(self._turn(client))
 
@@ -422,9 +421,6 @@ class Hub:
     def _seek(self, client: Client, wish: dict[str, Any]) -> None:
         if not self.player.seek(_number(wish["to"])):
             client.tell({"kind": "notice", "text": "nothing is remembered yet"})
-
-    def _speed(self, wish: dict[str, Any]) -> None:
-        self.player.speed = _number(wish["to"])
 
 
 def _number(value: Any) -> float:

@@ -25,8 +25,7 @@ from viewer.drawing.touches.traces import touch_force
 from viewer.layers import STATES, Layer, Layers
 from viewer.playing.recent_moments import Timeline
 from viewer.results import LAYERS
-from viewer.web.packing import finite, pack
-from viewer.web.scene_data import WebScene, pack_poses
+from viewer.web.scene_data import WebScene, finite, pack, pack_poses
 
 UNKNOWN = 255  # the byte of a taxel of which nothing is known
 STEPS = 255  # colours of a table: bytes 0 to 254

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -25,7 +26,44 @@ from viewer.drawing.frame.camera import VIEW_ANGLE, front_view
 from viewer.drawing.skin.draw_positions import DOT_SHARE
 from viewer.drawing.skin.refinement import flat_vertices
 from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
-from viewer.web.packing import pack
+
+TYPES = ("u1", "i1", "u2", "u4", "i4", "f4")  # what a page has typed arrays for
+
+
+def pack(header: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
+    """A message of a header (JSON) and arrays: what `page/packing.js` reads.
+
+        [4 bytes] length of the header, little-endian
+        [n bytes] header, JSON
+        [padding] to a multiple of 8
+        [arrays]  each at a multiple of 8, little-endian
+
+    The header's `arrays` names each array with its type, first byte (counted behind the padding)
+    and number of elements, so that the page reads them in place.
+
+    Raises
+    ------
+    TypeError
+        An array of a type that a page cannot read in place.
+    """
+    table, blobs, offset = {}, [], 0
+    for name, array in arrays.items():
+        kind = array.dtype.kind + str(array.dtype.itemsize)
+        if kind not in TYPES:
+            raise TypeError(f"array {name!r} of type {array.dtype}, expected one of {TYPES}")
+        blob = np.ascontiguousarray(array, array.dtype.newbyteorder("<")).tobytes()
+        table[name] = [kind, offset, array.size]
+        blobs.append(blob + bytes(-len(blob) % 8))
+        offset += len(blobs[-1])
+    text = json.dumps({**header, "arrays": table}, separators=(",", ":"), allow_nan=False).encode()
+    head = len(text).to_bytes(4, "little") + text
+    return b"".join([head, bytes(-len(head) % 8), *blobs])
+
+
+def finite(value: float | None) -> float | None:
+    """A number for JSON: None where it is not known."""
+    return None if value is None or not np.isfinite(value) else float(value)
+
 
 CELL = 6e-3  # of the body's meshes [m]: four pixels of a whole robot in a picture of 768
 LEANING = 0.2  # length of a mean normal that says where a skin faces

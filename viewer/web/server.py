@@ -21,7 +21,14 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from http import HTTPStatus
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
+
+import click
+from websockets.asyncio.server import ServerConnection
+from websockets.asyncio.server import serve as listen
+from websockets.datastructures import Headers
+from websockets.exceptions import ConnectionClosed
+from websockets.http11 import Request, Response
 
 from skinmap.errors import SkinWarning, UnreachableError
 from skinmap.skin.robot import Robot
@@ -35,7 +42,7 @@ from viewer.playing.paired_player import PairedPlayer
 from viewer.playing.player import Player
 from viewer.results import ViewPage
 from viewer.view_options import Look, Session, look_beside, new_layers
-from viewer.web.files import packed_files, page_files, served_files
+from viewer.web.files import page_files, served_files
 from viewer.web.guard import (
     LIVE,
     LOOPBACK,
@@ -49,18 +56,14 @@ from viewer.web.guard import (
 from viewer.web.hub import Hub
 from viewer.web.scene_data import make_scene
 
-if TYPE_CHECKING:
-    from websockets.asyncio.server import ServerConnection
-    from websockets.http11 import Request, Response
-
 PORT = 8080
 LARGEST = 4096  # bytes of a message from a page: it sends wishes of some words
 CLIENTS = 8  # pages at once
-LEVEL = 6  # of gzip: a scene of the whole iCub takes a fifth of a second
 OPEN = 256  # connections at once, of those too that have not said what they want
 OPENING = 20.0  # for a request to come whole, and for its answer to be taken [s]
 PIECE = 65_536  # bytes of an answer that are sent at once
 PATIENCE = 5.0  # for threads to end [s]
+LEVEL = 6  # of gzip: a scene of the whole iCub takes a fifth of a second
 SCENE = "scene.bin"
 PAIR = "pair_page"  # that frames two
 
@@ -237,10 +240,9 @@ class WebServer:
         self._socket, self.guard, self.hub, self._most = listening, guard, hub, clients
         self.connections = 0
         self._hubs = {"": hub} if beside is None else {f"{LEFT}/": hub, f"{RIGHT}/": beside}
-        self._packed = {
-            place: gzip.compress(one.scene.packed, LEVEL, mtime=0)
-            for place, one in self._hubs.items()
-        }
+        self._kept: dict[bytes, bytes] = {}  # what was compressed, by what it was
+        for one in self._hubs.values():
+            self._compressed(one.scene.packed)  # before anybody asks
         self._loop: asyncio.AbstractEventLoop | None = None
         self._stop: asyncio.Event | None = None
         self._ready = threading.Event()
@@ -292,8 +294,6 @@ class WebServer:
             self._done.set()
 
     async def _main(self) -> None:
-        from websockets.asyncio.server import ServerConnection
-        from websockets.asyncio.server import serve as listen
 
         web = self
 
@@ -353,23 +353,23 @@ class WebServer:
             where = {"Location": f"/{self.guard.token}/"}
             return _respond(connection, HTTPStatus.PERMANENT_REDIRECT, b"", more=where)
         if hub is not None and name == SCENE:
-            kind, content, packed = (
-                "application/octet-stream",
-                hub.scene.packed,
-                self._packed[place],
-            )
+            kind, content = "application/octet-stream", hub.scene.packed
         elif pair and asked in page_files(PAIR):
             kind, content = page_files(PAIR)[asked]
-            packed = gzip.compress(content, LEVEL, mtime=0)
         elif hub is not None and name in served_files():
-            (kind, content), packed = served_files()[name], packed_files()[name]
+            kind, content = served_files()[name]
         else:
             return _respond(connection, HTTPStatus.NOT_FOUND, b"nothing here\n")
         more = page_headers(request.headers["Host"], framed=pair) | {"Vary": "Accept-Encoding"}
         if any("gzip" in value for value in request.headers.get_all("Accept-Encoding")):
-            content, more["Content-Encoding"] = packed, "gzip"
+            content, more["Content-Encoding"] = self._compressed(content), "gzip"
         answer = _respond(connection, HTTPStatus.OK, content, kind, more)
         return await _in_pieces(connection, answer)
+
+    def _compressed(self, content: bytes) -> bytes:
+        if content not in self._kept:
+            self._kept[content] = gzip.compress(content, LEVEL, mtime=0)
+        return self._kept[content]
 
     def _hub_at(self, path: str) -> Hub:
         """The hub that a page's path names: of two the one behind the token."""
@@ -377,7 +377,6 @@ class WebServer:
         return self._hubs.get(f"{place}/", self.hub)
 
     async def _handle(self, connection: ServerConnection) -> None:
-        from websockets.exceptions import ConnectionClosed
 
         try:
             assert connection.request is not None
@@ -396,8 +395,6 @@ def _respond(
     kind: str = "text/plain; charset=utf-8",
     more: Mapping[str, str] | None = None,
 ) -> Response:
-    from websockets.datastructures import Headers
-    from websockets.http11 import Response
 
     headers = Headers({"X-Content-Type-Options": "nosniff"} if more is None else dict(more))
     headers["Content-Type"] = kind
@@ -408,7 +405,6 @@ def _respond(
 
 async def _in_pieces(connection: ServerConnection, answer: Response) -> Response:
     """Send all but the last piece of an answer; who reads slowly holds one piece, not a scene."""
-    from websockets.http11 import Response
 
     class Rest(Response):
         """The last piece: head and the others are sent."""
@@ -447,8 +443,6 @@ def serve_web(session: Session, look: Look, *, seconds: float | None, **where: A
         What the source failed with, after the end: its last picture stays until then. What else
         failed, a plug-in for one, is raised as it is.
     """
-    import click
-
     tell = partial(click.echo, err=True)
     with served(session, look, **where) as (server, player):
         tell(server.url)

@@ -17,6 +17,11 @@ if TYPE_CHECKING:
 MM = 1e3
 STATES = {"stuck": "stuck", "noisy": "noisy", "dead": "dead", "unheard": "not heard yet"}
 FEW = 8  # channels that a line names
+# Of a touch that is over, as they are.
+AS_IS = (
+    "part", "label", "confidence", "peak", "contacts", "heading", "presses", "kind", "motion",
+    "hand", "unfinished",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -285,32 +290,22 @@ class LiveTouch:
         """What is printed of a touch that is over, and of its heaviest force."""
         return cls(
             touch=touch.identity,
-            part=touch.part,
-            label=touch.label,
-            confidence=touch.confidence,
             names=None if touch.names is None else list(touch.names),
             start_s=touch.began,
             duration_s=touch.duration,
             area_mm2=touch.area * MM**2,
             area_least_mm2=touch.area_least * MM**2,
             path_mm=touch.path_length * MM,
-            peak=touch.peak,
             centre_mm=(touch.centre * MM).tolist(),
-            contacts=touch.contacts,
-            heading=touch.heading,
             up_mm=touch.up * MM,
             right_mm=touch.right * MM,
             speed_mm_s=touch.speed * MM,
-            presses=touch.presses,
             period_s=touch.period if touch.presses > 1 else None,
             early_label=touch.early or None,
             early_s=touch.early_after if touch.early else None,
-            kind=touch.kind,
-            motion=touch.motion,
-            hand=touch.hand,
             channels=list(touch.channels),
             load=None if load is None else ContactLoad(**load.plain()),
-            unfinished=touch.unfinished,
+            **{name: getattr(touch, name) for name in AS_IS},
         )
 
 

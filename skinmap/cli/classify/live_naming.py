@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import numpy as np
@@ -28,25 +28,29 @@ from skinmap.cli.classify.classify_result import (
 from skinmap.commands.options import open_robot, open_stream
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import read_recordings
+from skinmap.live.contacts.contact_forces import TOO_LIGHT, ContactForce, PartForces
 from skinmap.live.contacts.contact_motion import MotionBook, recorded_course
+from skinmap.live.contacts.named_touch import UNNAMED, TouchEvent
+from skinmap.live.loop import TouchLoop
+from skinmap.live.moment import Moment
+from skinmap.live.publishing.publish import open_publisher
+from skinmap.live.response.loads import heaviest_load, load_calibrations
+from skinmap.live.response.pressures import load_responses
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.live.sources.source import Counts
+from skinmap.live.sources.open_source import open_source
+from skinmap.live.sources.source import Counts, SourceEnded, is_live
+from skinmap.live.touched_taxels import LEARN
+from skinmap.recognition.answering import lacking
 from skinmap.recognition.classifier import Prediction, TouchClassifier
-from skinmap.recognition.naming import JOIN, all_right, name_touches, true_labels
+from skinmap.recognition.naming import JOIN, all_right, in_words, name_touches, true_labels
 from skinmap.report.present import emit_line, object_of
 from skinmap.touch.contacts.grouping import GroupingRule
 from skinmap.touch.contacts.motion_features import MM, MOTION_FEATURES, motion_features
+from skinmap.touch.contacts.rest import Rest
+from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import Recording
-
-if TYPE_CHECKING:
-    from skinmap.live.contacts.contact_forces import ContactForce
-    from skinmap.live.contacts.named_touch import TouchEvent
-    from skinmap.live.loop import TouchLoop
-    from skinmap.live.moment import Moment
-    from skinmap.recognition.answers import Answers
-    from skinmap.touch.contacts.rest import Rest
-    from skinmap.touch.load_calibration import LoadCalibration
+from skinmap.touch.simulation.gestures import FOUR
 
 FINGERTIP = 15e-3  # its width [m]
 WAIT = 0.2  # so often a silent source lets an interruption through [s]
@@ -54,6 +58,7 @@ HEAD = (
     f"{'began':>11}  {'part':18} {'touch':14} {'sure':>5}  {'hand?':6}  {'lasted':>8}  "
     f"{'area':>16}  {'path':>9}"
 )
+THREE = "kind", "motion", "hand"  # answers of a touch
 LATENCIES = 100_000  # the last ones, that the summary speaks of
 
 
@@ -77,13 +82,6 @@ def classify_live(
     SkinError
         A source, calibration or model that does not fit.
     """
-    from skinmap.live.loop import TouchLoop
-    from skinmap.live.response.loads import load_calibrations
-    from skinmap.live.response.pressures import load_responses
-    from skinmap.live.sources.open_source import open_source
-    from skinmap.live.sources.source import is_live
-    from skinmap.live.touched_taxels import LEARN
-
     chosen = parts or None
     # A recording that nobody follows is named as fast as it goes.
     speed = float("inf") if Path(spec).exists() and not publish else 1.0
@@ -124,8 +122,6 @@ def classify_live(
 
 def _rank(load: ContactForce) -> tuple[bool, float]:
     """Which load stands for a touch: one beyond the range, else the heaviest; never a light end."""
-    from skinmap.live.contacts.contact_forces import TOO_LIGHT
-
     if load.refused:
         return load.refused != TOO_LIGHT, -1.0
     return False, load.force.value
@@ -143,8 +139,6 @@ class _Run:
 
     def until(self, seconds: float | None) -> None:
         """Step until the source ends or has been followed for so long [s]."""
-        from skinmap.live.sources.source import SourceEnded
-
         started = time.perf_counter()
         stale = False
         while True:
@@ -179,7 +173,6 @@ class _Run:
                 self.loads[touch.identity] = touch.load
 
     def _tell_touches(self) -> None:
-        from skinmap.live.contacts.named_touch import UNNAMED
 
         self.withdrawn += len(self.loop.withdrawn())
         for touch in self.loop.finished():
@@ -235,9 +228,6 @@ class _Run:
 
 def _shown(touch: TouchEvent) -> tuple[str, float]:
     """Its label and confidence; of a hand's gesture that surely no hand made, the thing instead."""
-    from skinmap.recognition.naming import in_words
-    from skinmap.touch.simulation.gestures import FOUR
-
     found = touch.answers
     if found is None or found.hand.answer != "other" or touch.label not in FOUR:
         return in_words(Prediction(touch.label, touch.confidence, touch.names)), touch.confidence
@@ -268,7 +258,6 @@ def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:
     """Publishers of the moments, each a subscriber of the loop."""
     if not specs:
         return []
-    from skinmap.live.publishing.publish import open_publisher
 
     found: list[Any] = []
     try:
@@ -307,8 +296,6 @@ def _note_coarse(skins: Iterable[PreparedSkin]) -> None:
 
 def _note_lacks(classifier: TouchClassifier) -> None:
     """Say once what a model of before, or one without groups of its own, does not answer itself."""
-    from skinmap.recognition.answering import lacking
-
     if lacks := lacking(classifier):
         click.echo(f"note: the model {lacks}", err=True)
 
@@ -321,8 +308,6 @@ def name_recorded(
     calibrations: Sequence[str] = (),
 ) -> ClassifyResult:
     """Name the touches of each event and compare them with what was recorded."""
-    from skinmap.live.response.loads import load_calibrations
-
     recordings = read_recordings(path)
     loaded, wanted = open_robot(robot, parts)
     chosen = [one for one in recordings if one.part in wanted]
@@ -406,34 +391,27 @@ def _name_events(
         person = recording.people[event]
         named = name_touches(classifier, skin, samples, rule=rule, rest=rest, person=person)
         right += all_right(named, samples, label, owners)
-        moved = [_motion(skin, book, samples, one.taxels, rate) for one in named]
-        moved = moved or [_motion(skin, book, samples[:0], np.zeros(len(skin), bool), rate)]
-        said = [one.prediction for one in named] or [classifier.no_contact(skin)]
-        channels = [skin.skin.channels[one.taxels].tolist() for one in named] or [[]]
-        loads = [weigh(event, one.taxels) for one in named] or [None]
-        truth = true_labels(named, samples, label, owners)
-        for number, (one, recorded) in enumerate(zip(said, truth or [label], strict=True)):
+        truth = true_labels(named, samples, label, owners) or [label]
+        found = [(one.taxels, one.prediction) for one in named]
+        if not named:
+            samples, found = samples[:0], [(np.zeros(len(skin), bool), classifier.no_contact(skin))]
+        for number, ((taxels, said), recorded) in enumerate(zip(found, truth, strict=True)):
+            answers: dict[str, Any] = {one: getattr(said.answers, one, None) for one in THREE}
             row = NamedRow(
                 part=recording.part,
                 event=event,
                 touch=number,
-                label=one.label,
-                confidence=one.confidence,
-                names=None if one.names is None else list(one.names),
+                label=said.label,
+                confidence=said.confidence,
+                names=None if said.names is None else list(said.names),
                 recorded_label=recorded,
-                **three(one.answers),
-                channels=channels[number],
-                load=loads[number],
-                **moved[number],
+                **answers,
+                channels=skin.skin.channels[taxels].tolist(),
+                load=weigh(event, taxels) if named else None,
+                **_motion(skin, book, samples, taxels, rate),
             )
             rows.append(row)
     return rows, right
-
-
-def three(answers: Answers | None) -> dict[str, Any]:
-    """What a row says of kind, motion and hand."""
-    words = ("kind", "motion", "hand")
-    return {word: None if answers is None else getattr(answers, word) for word in words}
 
 
 def _weighing(
@@ -442,8 +420,6 @@ def _weighing(
     """How touches of a recording are weighed, by event and taxels (n,)."""
     if calibration is None:
         return lambda event, taxels: None
-    from skinmap.live.contacts.contact_forces import PartForces
-    from skinmap.live.response.loads import heaviest_load
 
     forces = PartForces(skin, calibration.answered, calibration.covering)
     found = calibration.pressures(recording.pressures, recording.times)

@@ -312,7 +312,7 @@ def _named_parts(
 
 
 def _described(stream: Any) -> StreamInfo | None:
-    """Skin described by a stream (see `skinmap.live.network.lsl_settings`), or None."""
+    """Skin described by a stream (see `skinmap.live.network.lsl_stream`), or None."""
     try:
         skin = stream["info"]["desc"][0]["skinmap"][0]
         rows = [

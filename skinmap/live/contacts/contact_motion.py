@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import tangent_frames
-from skinmap.live.contacts.followed_contact import DRAWING, Track
+from skinmap.live.contacts.sample_contacts import DRAWING, Track
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.skin.skin import Skin
 from skinmap.summary import Summary

@@ -12,20 +12,22 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.point_surface import SurfaceWalker
-from skinmap.live.contacts.followed_contact import (
+from skinmap.live.contacts.named_touch import ContactEvent, Happening
+from skinmap.live.contacts.sample_contacts import (
     LANDED,
     NEAR,
     PARTED,
     PRINT,
+    RELEASE,
     SAMPLES,
     SETTLED,
+    Components,
     Cutter,
     Pieces,
     Track,
     claim,
+    measure,
 )
-from skinmap.live.contacts.named_touch import ContactEvent, Happening
-from skinmap.live.contacts.sample_contacts import RELEASE, Components, measure
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray
 from skinmap.live.contacts.contact_motion import Motion, MotionBook
-from skinmap.live.contacts.followed_contact import Track
 from skinmap.live.contacts.named_touch import UNNAMED, NamedTouch, TouchEvent
+from skinmap.live.contacts.sample_contacts import Track
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.recognition.classifier import NO_CONTACT, Prediction
 from skinmap.recognition.prediction_sets import UNKNOWN
@@ -24,8 +24,8 @@ TOGETHER = 0.1  # the fingers of a hand that pats land within this time [s]
 STUCK = 0.5  # of its taxels: a touch with so many stuck ones was none
 SAME_PLACE = 0.04  # where the next press of a pat lands [m]
 UNSURE = (UNKNOWN, NO_CONTACT, UNNAMED)
+SAME = ("began", "area", "area_least", "peak", "presses", "period", "unfinished")
 NOBODY = Prediction(UNNAMED, float("nan"))
-NOTHING = 0.0, 0.0, 0.0, np.zeros(3)  # area, least area, load [counts], load times place
 
 
 @dataclass(eq=False, slots=True)
@@ -49,6 +49,7 @@ class Entry:
     place: FloatArray | None = None  # centre of its load at its heaviest moment
     pressed: bool = True
     name: Prediction = NOBODY
+    said: Prediction | None = None  # by the classifier last
     contacts: set[int] = field(default_factory=set)
     early: tuple[str, float] = ("", float("nan"))
     presses: int = 1
@@ -78,23 +79,23 @@ class TouchBook:
         Touches that are over, oldest first; whoever reads takes them out.
     withdrawn : deque of TouchEvent
         The same of what turned out to be stuck taxels.
-    motions, pieces : MotionBook
-        How each moves, and each of several contacts of one.
+    motions : MotionBook
+        How each moves.
     paused : dict of int to Entry
         Short presses that are over, and may be the beginning of a pat: the next one at the same
         place goes on with their touch.
-    parted : dict of int to int
-        Touches that the last sample showed to be over when another one began, and that one.
+    part : callable
+        Told of a touch that was over when another one began, and of that one.
     revise : callable
         Gives a touch that is over its last name.
     """
 
     def __init__(self, skin: JoinedSkin) -> None:
         self.skin = skin
-        self.motions, self.pieces = MotionBook(skin), MotionBook(skin)
+        self.motions = MotionBook(skin)
         self.entries: dict[int, Entry] = {}
         self.paused: dict[int, Entry] = {}
-        self.parted: dict[int, int] = {}
+        self.part: Callable[[int, int], object] = lambda number, new: None
         self.revise: Callable[[Entry], Prediction | None] = lambda _: None
         self._now = float("nan")  # of the newest sample [s]
         self.ended: deque[TouchEvent] = deque(maxlen=EVENTS)
@@ -108,65 +109,58 @@ class TouchBook:
         *,
         time: float = float("inf"),
         pressures: FloatArray | None = None,
-    ) -> list[int]:
-        """Take the contacts of the next sample; the numbers of touches that are over now.
+    ) -> None:
+        """Take the contacts of the next sample.
 
-        `swallowed` contacts were part of another one from the beginning. Without a `time` [s] no
-        press waits for the next one. By their `pressures` (N,) the motion of contacts is followed,
-        once a sample.
+        `labels` are those that touches were given now. `swallowed` contacts were part of another
+        one from the beginning. Without a `time` [s] no press waits for the next one. By their
+        `pressures` (N,) the motion of contacts is followed, once a sample.
         """
         self._now = time if time < float("inf") else self._now
         if not tracks and not self.entries and not self.paused:
-            return []
+            return
         self._resume(tracks)
-        over = self._part_long_ones(tracks)
+        self._part_long_ones(tracks)
         alive = {track.touch for track in tracks}
         belongs = {track.identity: track.touch for track in tracks}
         for one, other in (swallowed or {}).items():
             if other in belongs:
                 belongs[one] = belongs[other]
-        sums: dict[int, tuple[float, float, float, FloatArray]] = {}
-        for track in tracks:
-            if len(track.taxels):
+        groups = _by_touch(tracks)
+        for number, members in groups.items():
+            for track in members:
                 self._add(track)
-                area, least, load, moment = sums.get(track.touch, NOTHING)
-                more = least + track.area_least, load + track.load
-                sums[track.touch] = area + track.area, *more, moment + track.load * track.centre
-        for number, (area, least, load, moment) in sums.items():
-            entry = self.entries[number]
+            entry, load = self.entries[number], sum(one.load for one in members)
             if load > entry.heaviest:
-                entry.heaviest, entry.place = load, moment / load
-            entry.area = max(entry.area, area)
-            entry.area_least = max(entry.area_least, least)
+                entry.heaviest = load
+                entry.place = np.sum([one.load * one.centre for one in members], axis=0) / load
+            entry.area = max(entry.area, sum(one.area for one in members))
+            entry.area_least = max(entry.area_least, sum(one.area_least for one in members))
             entry.pressed = load >= POOL_SHARE * entry.heaviest
         for number, entry in list(self.entries.items()):
             if number in alive:
+                entry.said = (labels or {}).get(number, entry.said)
                 # What lets go says little: the last finger of a hand is no poke.
-                if labels and number in labels and (entry.pressed or entry.name is NOBODY):
-                    if entry.name.label != labels[number].label:
+                if entry.said is not None and (entry.pressed or entry.name is NOBODY):
+                    if entry.name.label != entry.said.label:
                         entry.named_at = entry.seen
-                    entry.name = labels[number]
+                    entry.name = entry.said
                 continue
             del self.entries[number]
             heir = {belongs[one] for one in entry.contacts if one in belongs}
             if heir:  # it turned out to be part of another touch
                 self._fold(entry, self.entries[min(heir)])
                 self.motions.join(number, min(heir))
-                over.append(number)
             elif entry.seen - entry.pressed_at <= BEAT and time - entry.seen <= PAUSE:
                 self.paused[number] = entry
             else:
-                over.append(self._end(entry))
+                self._end(entry)
         for number, entry in list(self.paused.items()):
             if not time - entry.seen <= PAUSE:
                 del self.paused[number]
-                over.append(self._end(entry))
+                self._end(entry)
         if pressures is not None:
-            groups = _by_touch(tracks)
             self.motions.update(time, groups, pressures)
-            several = [one for own in groups.values() if len(own) > 1 for one in own]
-            self.pieces.update(time, {one.identity: [one] for one in several}, pressures)
-        return over
 
     def forget(self, *, cut: bool = False) -> None:
         """End all touches: the clock began anew, or samples end and may cut some off."""
@@ -174,7 +168,6 @@ class TouchBook:
             entry.unfinished = cut and entry.seen >= self._now
         self.update([])
         self.motions.forget()
-        self.pieces.forget()
 
     def withdraw(self, stuck: BoolArray) -> None:
         """Take back the touches that last and consist of taxels (N,) found to be stuck."""
@@ -209,12 +202,11 @@ class TouchBook:
                     self.motions.drop(number)  # each press has a way of its own
                 break
 
-    def _part_long_ones(self, tracks: Sequence[Track]) -> list[int]:
+    def _part_long_ones(self, tracks: Sequence[Track]) -> None:
         """Presses that last are none of a pat: each becomes a touch of its own again.
 
-        The numbers of those that they were taken for, which are over.
+        Those that they were taken for are over.
         """
-        self.parted, over = {}, []
         for number, entry in list(self.entries.items()):
             if entry.presses == 1 or not entry.seen - entry.pressed_at > BEAT:
                 continue
@@ -231,17 +223,16 @@ class TouchBook:
                 new, entry.part, began, entry.seen, own[0].centre, self._none(entry.part),
                 peak=own[0].peak, pressed_at=began, contacts=contacts,
             )  # fmt: skip
-            self.parted[number] = new
             self.motions.join(number, new)
             del self.entries[number]
             entry.contacts -= contacts
             period, entry.presses = entry.period, entry.presses - 1
             entry.seen = entry.released_at
             entry.pressed_at = entry.began + (entry.presses - 1) * period
-            over.append(self._end(entry))
-        return over
+            self._end(entry)
+            self.part(number, new)
 
-    def _end(self, entry: Entry) -> int:
+    def _end(self, entry: Entry) -> None:
         early, since = entry.name.label, min(entry.named_at, entry.seen) - entry.began
         entry.early = (early, since) if early not in UNSURE else ("", float("nan"))
         # All of a touch that was cut off would pass for a short one: its name so far stays.
@@ -250,47 +241,23 @@ class TouchBook:
             entry.name = last
         (self.withdrawn if entry.stuck else self.ended).append(self._event(entry))
         self.motions.drop(entry.identity)
-        for contact in entry.contacts:
-            self.pieces.drop(contact)
-        return entry.identity
 
-    def show(self, tracks: Sequence[Track]) -> tuple[tuple[NamedTouch, ...], ...]:
-        """The touches that are felt now, and their contacts one by one."""
-        touches, contacts = [], []
+    def show(self, tracks: Sequence[Track]) -> tuple[NamedTouch, ...]:
+        """The touches that are felt now."""
+        shown = []
         for number, members in _by_touch(tracks).items():
             entry = self.entries[number]
-            if entry.stuck:
-                continue
-            whole = self.motions.motion(
-                number, entry.part, members[0].normal, presses=entry.presses,
-                period=entry.period,
-            )  # fmt: skip
-            own = [
-                whole if len(members) == 1
-                else self.pieces.motion(one.identity, one.part, one.normal)
-                for one in members
-            ]  # fmt: skip
-            single = [
-                self._named([one], one.identity, one.began, entry.name, motion)
-                for one, motion in zip(members, own, strict=True)
-            ]
-            contacts += single
-            if len(members) == 1 and members[0].identity == number:
-                touches += single
-            else:
-                touches.append(self._named(members, number, entry.began, entry.name, whole))
-        return tuple(touches), tuple(contacts)
+            if not entry.stuck:
+                motion = self.motions.motion(
+                    number, entry.part, members[0].normal, presses=entry.presses,
+                    period=entry.period,
+                )  # fmt: skip
+                shown.append(self._named(members, entry, motion))
+        return tuple(shown)
 
-    def _named(
-        self,
-        members: list[Track],
-        number: int,
-        began: float,
-        name: Prediction,
-        motion: Motion | None,
-    ) -> NamedTouch:
+    def _named(self, members: list[Track], entry: Entry, motion: Motion | None) -> NamedTouch:
         """One or several contacts as a touch; the oldest says where it is."""
-        lead = members[0]
+        lead, name = members[0], entry.name
         start = self.skin.starts[lead.part]
         rows = [one.taxels for one in members]
         taxels = (rows[0] if len(rows) == 1 else np.sort(np.concatenate(rows))) - start
@@ -300,8 +267,8 @@ class TouchBook:
             lead.centre,
             name.label,
             name.confidence,
-            number,
-            began,
+            entry.identity,
+            entry.began,
             lead.normal,
             sum(one.area for one in members),
             max(one.peak for one in members),
@@ -338,40 +305,32 @@ class TouchBook:
             into.presses, into.pressed_at = entry.presses, entry.pressed_at
             into.released_at = entry.released_at
         into.began = min(into.began, entry.began)
-        into.area, into.peak = max(into.area, entry.area), max(into.peak, entry.peak)
-        into.area_least = max(into.area_least, entry.area_least)
-        into.length = max(into.length, entry.length)
+        for name in ("area", "area_least", "peak", "length"):
+            setattr(into, name, max(getattr(into, name), getattr(entry, name)))
         if entry.heaviest > into.heaviest:
             into.heaviest, into.place = entry.heaviest, entry.place
         into.contacts |= entry.contacts
         into.felt |= entry.felt
 
     def _event(self, entry: Entry) -> TouchEvent:
-        gone = self.motions.course(entry.identity)
+        gone, part = self.motions.course(entry.identity), self.skin.parts[entry.part]
+        skin = self.skin.skins[part].skin
         return TouchEvent(
             entry.identity,
-            self.skin.parts[entry.part],
+            part,
             entry.name.label,
             entry.name.confidence,
-            entry.began,
-            entry.seen,
-            entry.area,
-            entry.peak,
-            entry.length,
-            entry.centre if entry.place is None else entry.place,
-            len(entry.contacts),
-            entry.name.names,
-            gone.heading,
-            gone.up,
-            gone.right,
-            gone.speed,
-            entry.presses,
-            entry.period,
-            *entry.early,
-            tuple(self.skin.skins[self.skin.parts[entry.part]].skin.channels[entry.felt].tolist()),
-            entry.name.answers,
-            area_least=entry.area_least,
-            unfinished=entry.unfinished,
+            ended=entry.seen,
+            path_length=entry.length,
+            centre=entry.centre if entry.place is None else entry.place,
+            contacts=len(entry.contacts),
+            names=entry.name.names,
+            early=entry.early[0],
+            early_after=entry.early[1],
+            channels=tuple(skin.channels[entry.felt].tolist()),
+            answers=entry.name.answers,
+            **{name: getattr(entry, name) for name in SAME},
+            **{name: getattr(gone, name) for name in ("heading", "up", "right", "speed")},
         )
 
 

@@ -1,57 +1,265 @@
-"""Follow a stream of the lab streaming layer, with its clock brought to ours."""
+"""Follow a stream of the lab streaming layer, with its clock brought to ours, and publish one.
+
+Nothing leaves this machine unless it is asked to. liblsl looks for streams by multicast on all
+networks and serves them to whoever asks. Its settings are read once in a process, before its first
+use, so they are made here. They keep its questions on the loopback address; its servers listen on
+all addresses whatever they say, so these sockets are tied to the loopback device.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import os
 import socket
+import stat
+import sys
 import threading
 import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import (
+    InvalidArrayError,
     MessageError,
+    MissingLibraryError,
     OutputError,
-    SkinMismatchError,
     SkinWarning,
     UnknownNameError,
     UnreachableError,
 )
-from skinmap.live.network.lsl_settings import (
-    ALL,
-    TEXT_TYPE,
-    TYPE,
-    describe,
-    keep_on_loopback,
-    load_lsl,
-    read_description,
-    split_scope,
+from skinmap.live.network.network_messages import (
+    HERE,
+    KINDS,
+    MAX_CHANNELS,
+    MAX_PARTS,
+    VERSION,
+    Address,
+    warn_if_open,
 )
 from skinmap.live.publishing.publish import Publisher, Topic
-from skinmap.live.sources.receiver import SILENT, follow
 from skinmap.live.sources.source import (
     MAX_BLOCK,
+    SILENT,
     Block,
+    Kind,
     Source,
     StreamInfo,
+    check_same_skin,
     check_skin,
+    follow,
     of_robot,
-    skin_of,
 )
 from skinmap.skin.robot import Robot
+
+ANY = "any"
+SCOPES = "NAME, //any/NAME for the whole network, //HOST/NAME for one other machine"
+
+# Streams on one machine share the port for questions, and a question to its loopback address
+# reaches one of them only. So they are asked one by one, on the ports that they serve.
+_HERE = """[ports]
+IPv6 = disable
+PortRange = 64
+[multicast]
+ResolveScope = machine
+ListenAddress = 127.0.0.1
+AddressesOverride = {127.0.0.1}
+[lab]
+KnownPeers = {%s}
+"""
+_TUNING = """[tuning]
+MulticastMinRTT = %s
+UnicastMinRTT = 0.1
+[log]
+level = -3
+"""
+_lock = threading.Lock()
+_scope: list[str] = []  # of this process, once LSL is in use: "" for this machine only
+
+
+def split_scope(address: str) -> tuple[str, str]:
+    """Scope ("" for this machine, "any", a host) and name of a stream.
+
+    Raises
+    ------
+    InvalidArrayError
+        No name, or one that LSL cannot look for.
+    """
+    scope, name = "", address
+    if address.startswith("//"):
+        scope, _, name = address.removeprefix("//").partition("/")
+    bad = not name or not name.isprintable() or any(mark in name for mark in "'\"<>&")
+    if bad or (address.startswith("//") and not scope):
+        raise InvalidArrayError(f"{address!r} is not an LSL stream; expected {SCOPES}")
+    if not all(letter.isalnum() or letter in ".-_:" for letter in scope):
+        raise InvalidArrayError(f"{scope!r} is not a host; expected {SCOPES}")
+    return scope, name
+
+
+def settings(scope: str) -> str:
+    """What liblsl is told: its own defaults for the whole network, else only what is named."""
+    if scope == ANY:
+        return _TUNING % 0.5
+    return _HERE % ", ".join(filter(None, (HERE, scope))) + _TUNING % 0.01
+
+
+def load_lsl(scope: str) -> Any:
+    """The module `pylsl`, with settings for a scope.
+
+    A file named by the variable LSLAPICFG is the user's own choice and wins.
+
+    Raises
+    ------
+    InvalidArrayError
+        This process uses LSL with another scope already: its settings are read once.
+    MissingLibraryError
+        pylsl or its library cannot be loaded, or is too old to be told.
+    """
+    with _lock:
+        if _scope and _scope[0] != scope:
+            now, then = (f"lsl://{one}/NAME" if one else "lsl:NAME" for one in (_scope[0], scope))
+            raise InvalidArrayError(
+                f"this process uses streams of the kind {now} already, and LSL reads its settings "
+                f"once; use {then} in another process"
+            )
+        foreign = _is_loaded()
+        try:
+            import pylsl
+        except (ImportError, RuntimeError, OSError) as error:
+            raise MissingLibraryError(f"the lab streaming layer does not load: {error}") from error
+        if _scope:
+            return pylsl
+        own = os.environ.get("LSLAPICFG", "")
+        if own and Path(own).is_file():
+            _warn(f"LSL follows {own} (LSLAPICFG), which may open it to the network")
+        elif foreign:
+            _warn("LSL was loaded before Skinmap could keep it on this machine")
+        else:
+            try:
+                pylsl.set_config_content(settings(scope))
+            except (AttributeError, NotImplementedError) as error:
+                raise MissingLibraryError(
+                    f"pylsl {pylsl.__version__} cannot be kept on this machine: {error}"
+                ) from error
+        if scope:
+            warn_if_open(Address("*" if scope == ANY else scope, 16571), "LSL is open to")
+        _scope.append(scope)
+        return pylsl
+
+
+def _is_loaded() -> bool:
+    return "pylsl" in sys.modules
+
+
+def keep_on_loopback(ports: Iterable[int]) -> bool:
+    """Tie this process's sockets on some ports to the loopback device.
+
+    Returns
+    -------
+    bool
+        Whether all of them are; other systems than Linux cannot.
+    """
+    wanted, device = set(ports), getattr(socket, "SO_BINDTODEVICE", None)
+    if device is None:
+        return False
+    tied = set()
+    for number in [int(path.name) for path in Path("/proc/self/fd").iterdir()]:
+        with suppress(OSError):  # closed meanwhile by another thread
+            if not stat.S_ISSOCK(os.fstat(number).st_mode):
+                continue
+            with socket.socket(fileno=os.dup(number)) as one:
+                if one.family != socket.AF_INET:
+                    continue
+                host, port = one.getsockname()
+                if port in wanted:
+                    if not host.startswith("127."):
+                        one.setsockopt(socket.SOL_SOCKET, device, b"lo\0")
+                    tied.add(port)
+    return tied == wanted
+
+
+def _warn(text: str) -> None:
+    warnings.warn(text, SkinWarning, stacklevel=4)
+
+
+TYPE = "Tactile"
+TEXT_TYPE = "Markers"
+ALL = "all"  # the part of a stream that says nothing of parts
+
+
+def describe(element: Any, info: StreamInfo) -> None:
+    """Write what a stream says of its skin under its `desc`."""
+    skin = element.append_child("skinmap")
+    skin.append_child_value("version", str(VERSION))
+    skin.append_child_value("kind", info.kind)
+    skin.append_child_value("robot", info.robot)
+    parts = skin.append_child("parts")
+    for part, width in zip(info.parts, info.widths, strict=True):
+        one = parts.append_child("part")
+        one.append_child_value("name", part)
+        one.append_child_value("channels", str(width))
+        one.append_child_value("fingerprint", info.fingerprints.get(part, ""))
+
+
+def read_description(found: Any) -> StreamInfo:
+    """What a stream is, from its full description.
+
+    A stream that is not ours is taken as pressures of one part, called "all".
+
+    Raises
+    ------
+    MessageError
+        A description that contradicts itself, or more channels than anybody has.
+    """
+    name, channels = found.name(), found.channel_count()
+    rate = max(float(found.nominal_srate()), 0.0)
+    if not 1 <= channels <= MAX_CHANNELS:
+        raise MessageError(f"stream {name!r} has {channels} channels, at most {MAX_CHANNELS}")
+    skin = found.desc().child("skinmap")
+    if skin.empty():
+        return StreamInfo(name, (ALL,), (channels,), rate, clock="local")
+    if skin.child_value("version") != str(VERSION):
+        raise MessageError(
+            f"stream {name!r} has a description of version {skin.child_value('version')!r}, "
+            f"this Skinmap reads {VERSION}"
+        )
+    told = list(_parts(skin, name))
+    kind, widths = skin.child_value("kind"), tuple(width for _, width, _ in told)
+    if kind not in KINDS or sum(widths) != channels:
+        raise MessageError(
+            f"stream {name!r} describes {sum(widths)} {kind} channels and has {channels}"
+        )
+    names, prints = tuple(part for part, _, _ in told), {part: p for part, _, p in told if p}
+    robot = skin.child_value("robot")
+    try:
+        return StreamInfo(name, names, widths, rate, cast("Kind", kind), robot, prints, "local")
+    except ValueError as error:
+        raise MessageError(str(error)) from error
+
+
+def _parts(skin: Any, name: str) -> Iterator[tuple[str, int, str]]:
+    """Name, channels and fingerprint of each part."""
+    one, number = skin.child("parts").child("part"), 0
+    while not one.empty():
+        count, number = one.child_value("channels"), number + 1
+        if not (count.isascii() and count.isdigit()) or len(count) > 9 or number > MAX_PARTS:
+            raise MessageError(f"stream {name!r} describes a part with {count[:20]!r} channels")
+        yield one.child_value("name"), int(count), one.child_value("fingerprint")
+        one = one.next_sibling("part")
+
 
 WAIT = 2.0  # for a stream of that name [s]
 ANSWER = 4.0  # for a stream that was found to answer, on a busy machine too [s]
 TWINS = 0.4  # and then for another one of the same name [s]
 OTHERS = 0.5  # for all streams, to say which there are [s]
 AGAIN = 0.3  # for one look for a stream that was lost [s]
-BUFFERED = 5  # kept by LSL itself while nobody reads [s]
+BUFFERED = 5  # kept by LSL itself, at each end, for who reads too slowly [s]
 CORRECT = 2.0  # between two looks at the other machine's clock [s]
 MAX_VALUES = 1 << 22  # in one block
 NUMBERS = (1, 2, 4, 5, 6)  # channel formats: float32, double64, int32, int16, int8
@@ -187,11 +395,7 @@ class LslSource(Source):
             inlet, info = self._open(found[0])
         except (UnreachableError, MessageError):
             return False
-        if skin_of(info) != skin_of(self._info):
-            raise SkinMismatchError(
-                f"LSL stream {self._name!r} came back with another skin: {info.channels} "
-                f"{info.kind} channels of {', '.join(info.parts)}"
-            )
+        check_same_skin(self._info, info, f"LSL stream {self._name!r} came back with another skin")
         self._inlet, self._last_seen = inlet, time.perf_counter()
         self._counts.reconnects += 1
         return True
@@ -219,7 +423,6 @@ def open_lsl(
 
 
 TAKEN = 0.3  # so long a stream of the same name is looked for [s]
-BUFFERED = 5  # kept for a follower who reads too slowly [s]
 DRIFT = 0.1  # the source's clock may be off by so much before it is set anew [s]
 
 

@@ -5,18 +5,88 @@ A sample is three frames: the topic, a header of 40 bytes, the values. Everythin
 
 from __future__ import annotations
 
+import ipaddress
 import json
+import math
 import struct
+import warnings
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.errors import InvalidArrayError, MessageError
+from skinmap.errors import InvalidArrayError, MessageError, SkinWarning
 from skinmap.live.sources.source import Kind, StreamInfo
 from skinmap.validation import checked
+
+HERE = "127.0.0.1"
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """A host and a port.
+
+    Attributes
+    ----------
+    host : str
+        A name or a number; "*" for all of this machine's addresses.
+    port : int
+    """
+
+    host: str
+    port: int
+
+    @property
+    def is_here(self) -> bool:
+        """Whether the address is of this machine alone."""
+        if self.host == "localhost":
+            return True
+        try:
+            return ipaddress.ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+    @property
+    def endpoint(self) -> str:
+        """As ZeroMQ writes it."""
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"tcp://{host}:{self.port}"
+
+
+DIGITS = 5  # of the highest port; Python refuses to read thousands of them
+
+
+def parse_address(text: str) -> Address:
+    """Read "PORT" or "HOST:PORT"; an IPv6 host stands in brackets.
+
+    Raises
+    ------
+    InvalidArrayError
+        Anything else (says what was expected).
+    """
+    host, _, port = text.rpartition(":")
+    host = host.removeprefix("[").removesuffix("]") if host.startswith("[") else host
+    digits = port.isascii() and port.isdigit() and len(port) <= DIGITS
+    known = all(letter.isalnum() or letter in ".-_*:%" for letter in host)
+    if not digits or not 1 <= int(port) <= 65535 or not known or host.startswith("-"):
+        raise InvalidArrayError(
+            f"{text!r} is not an address; expected PORT or HOST:PORT, such as 5555"
+        )
+    return Address(host or HERE, int(port))
+
+
+def warn_if_open(address: Address, what: str) -> None:
+    """Say that others can reach what is opened there, or that it comes from elsewhere."""
+    if not address.is_here:
+        warnings.warn(
+            f"{what} {address.host}:{address.port}: not protected by any password or encryption; "
+            "use it in networks that you trust",
+            SkinWarning,
+            stacklevel=3,
+        )
+
 
 VERSION = 1
 MAGIC = b"SKIN"
@@ -28,8 +98,7 @@ LARGEST_TEXT = 1 << 20  # of JSON [bytes]
 MAX_PARTS = 1000
 
 
-@dataclass(frozen=True, slots=True)
-class Header:
+class Header(NamedTuple):
     """What stands before the values of a sample.
 
     Attributes
@@ -56,17 +125,7 @@ class Header:
 
     def pack(self) -> bytes:
         """The 40 bytes."""
-        return HEADER.pack(
-            MAGIC,
-            VERSION,
-            self.dtype,
-            0,
-            self.channels,
-            self.session,
-            self.sequence,
-            self.time,
-            self.sent,
-        )
+        return HEADER.pack(MAGIC, VERSION, self.dtype, 0, *self[1:])
 
 
 def unpack_header(frame: bytes) -> Header:
@@ -79,16 +138,17 @@ def unpack_header(frame: bytes) -> Header:
     """
     if len(frame) != HEADER.size:
         raise MessageError(f"a header of {len(frame)} bytes, expected {HEADER.size}")
-    magic, version, dtype, _, channels, session, sequence, time, sent = HEADER.unpack(frame)
+    magic, version, dtype, _, *rest = HEADER.unpack(frame)
     if magic != MAGIC:
         raise MessageError(f"a header that begins with {magic!r}, expected {MAGIC!r}")
     if version != VERSION:
         raise MessageError(f"a message of version {version}, this Skinmap reads {VERSION}")
     if dtype not in DTYPES:
         raise MessageError(f"values of type {dtype}; expected 1 (uint8) or 2 (float32)")
-    if not np.isfinite(time) or not np.isfinite(sent):
-        raise MessageError(f"a sample of time {time}, sent at {sent}")
-    return Header(dtype, channels, session, sequence, time, sent)
+    header = Header(dtype, *rest)
+    if not math.isfinite(header.time) or not math.isfinite(header.sent):
+        raise MessageError(f"a sample of time {header.time}, sent at {header.sent}")
+    return header
 
 
 def unpack_values(header: Header, frame: bytes, info: StreamInfo) -> NDArray[Any]:

@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,18 +32,25 @@ from skinmap.imports import import_optional
 from skinmap.io.ros2.message_types import dds_name, read, type_hash
 from skinmap.io.ros2.messages import read_cloud, read_text, text_message
 from skinmap.io.ros2.robot_topics import LATCHED
-from skinmap.live.network.addresses import HERE, Address, parse_address, warn_if_open
-from skinmap.live.network.network_messages import pack_info, unpack_info
+from skinmap.live.network.network_messages import (
+    HERE,
+    Address,
+    pack_info,
+    parse_address,
+    unpack_info,
+    warn_if_open,
+)
 from skinmap.live.publishing.publish import HEARTBEAT, Topic, repeated
 from skinmap.live.publishing.ros2_topics import TEXT, Ros2Publisher
-from skinmap.live.sources.receiver import SILENT, follow
 from skinmap.live.sources.source import (
     MAX_BLOCK,
+    SILENT,
     Block,
     Source,
     SourceEnded,
     StreamInfo,
     check_skin,
+    follow,
     of_robot,
 )
 from skinmap.skin.robot import Robot
@@ -175,9 +182,6 @@ ARRAYS = {
     for name in ("Float32", "Float64", "UInt8", "UInt16", "Int16", "Int32", "UInt32")
     for kind in [f"std_msgs/{name}MultiArray"]
 }
-
-
-Came = TypeVar("Came")
 
 
 class ZenohSource(Source):
@@ -324,7 +328,7 @@ class ZenohSource(Source):
         info = StreamInfo(self._where.topic, ("all",), (len(values),), 0.0, "raw", clock="sender")
         return info if robot is None else of_robot(info, robot, parts, "values")
 
-    def _first(self, came: queue.Queue[Came], wait: float) -> Came:
+    def _first(self, came: queue.Queue[Any], wait: float) -> Any:
         where = self._where
         try:
             return came.get(timeout=wait)

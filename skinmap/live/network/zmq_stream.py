@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import logging
 import secrets
 import threading
@@ -10,30 +11,41 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import zmq
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import MessageError, OutputError, SkinError, SkinMismatchError, UnreachableError
-from skinmap.live.network.addresses import Address, parse_address, warn_if_open
+from skinmap.errors import MessageError, OutputError, SkinError, UnreachableError
 from skinmap.live.network.network_messages import (
     DTYPES,
+    Address,
     Header,
     dtype_code,
     pack_info,
+    parse_address,
     unpack_header,
     unpack_info,
     unpack_values,
+    warn_if_open,
 )
 from skinmap.live.publishing.publish import HEARTBEAT, Publisher, Topic, repeated
-from skinmap.live.sources.receiver import SILENT, follow
-from skinmap.live.sources.source import MAX_BLOCK, Block, Source, StreamInfo, check_skin
+from skinmap.live.sources.source import (
+    MAX_BLOCK,
+    SILENT,
+    Block,
+    Source,
+    StreamInfo,
+    check_same_skin,
+    check_skin,
+    follow,
+)
 from skinmap.skin.robot import Robot
 
 logger = logging.getLogger(__name__)
 
 WAIT = 3.0  # for a publisher's description [s]
 LARGEST_INFO = 1 << 16  # bytes of a description that are read
-QUEUED_BYTES = 16_000_000  # kept by ZeroMQ itself while nobody reads
+QUEUED_BYTES = 16_000_000  # kept by ZeroMQ itself at each end for who reads too slowly
 FRAMES = 3  # of a sample: topic, header, values
 
 
@@ -61,7 +73,6 @@ class ZmqSource(Source):
     """
 
     def __init__(self, address: Address, *, wait: float = WAIT, robot: Robot | None = None) -> None:
-        import zmq
 
         warn_if_open(address, "reading from")
         self.address = address
@@ -72,7 +83,8 @@ class ZmqSource(Source):
                 check_skin(info, robot)
             super().__init__(info)
             self._last_seen = time.perf_counter()
-            self._socket = self._subscribe()
+            largest = max(4 * info.channels, LARGEST_INFO)
+            self._socket = self._connected(largest, "info", info.kind, queued=_queued(info))
         except BaseException:
             self._context.destroy(linger=0)
             raise
@@ -92,8 +104,6 @@ class ZmqSource(Source):
         SkinMismatchError
             The publisher came back with another skin.
         """
-        import zmq
-
         deadline = time.perf_counter() + timeout
         rows: list[NDArray[Any]] = []
         times: list[float] = []
@@ -147,17 +157,7 @@ class ZmqSource(Source):
         if description == self._description:
             return
         info = unpack_info(description)
-        mine = self._info
-        if (info.parts, info.widths, info.kind) != (mine.parts, mine.widths, mine.kind):
-            raise SkinMismatchError(
-                f"{self.address.endpoint} sends another skin now: {info.channels} {info.kind} "
-                f"channels of {', '.join(info.parts)}, before {mine.channels} {mine.kind} "
-                f"channels of {', '.join(mine.parts)}"
-            )
-        if info.fingerprints != mine.fingerprints:
-            raise SkinMismatchError(
-                f"{self.address.endpoint} sends another skin now: its layout has changed"
-            )
+        check_same_skin(self._info, info, f"{self.address.endpoint} sends another skin now")
         self._description = description
 
     def _follow(self, header: Header) -> None:
@@ -180,13 +180,8 @@ class ZmqSource(Source):
 
     def _ask(self, wait: float) -> tuple[bytes, StreamInfo]:
         """The publisher's description."""
-        import zmq
-
-        socket = self._context.socket(zmq.SUB)
+        socket = self._connected(LARGEST_INFO, "info")
         try:
-            socket.maxmsgsize = LARGEST_INFO
-            socket.subscribe(b"info")
-            self._connect(socket)
             if socket.poll(int(1e3 * wait)) == 0:
                 raise UnreachableError(
                     f"nothing is published at {self.address.endpoint} (waited {wait:g} s)"
@@ -198,29 +193,25 @@ class ZmqSource(Source):
         finally:
             socket.close(linger=0)
 
-    def _subscribe(self) -> Any:
-        import zmq
-
+    def _connected(self, largest: int, *topics: str, queued: int = 16) -> Any:
+        """A socket that reads topics, and cuts the connection where a frame is larger [bytes]."""
         socket = self._context.socket(zmq.SUB)
-        # What is larger than the declared skin is not read: ZeroMQ cuts the connection.
-        socket.maxmsgsize = max(4 * self._info.channels, LARGEST_INFO)
-        socket.rcvhwm = int(np.clip(QUEUED_BYTES // (4 * self._info.channels), 16, 10_000))
-        socket.subscribe(b"info")
-        socket.subscribe(self._info.kind.encode())
-        self._connect(socket)
-        return socket
-
-    def _connect(self, socket: Any) -> None:
-        import zmq
-
+        socket.maxmsgsize, socket.rcvhwm, socket.linger = largest, queued, 0
         # Half-open connections, as after a pulled cable, end within a second too.
         socket.heartbeat_ivl, socket.heartbeat_timeout = 250, 750
         socket.reconnect_ivl, socket.reconnect_ivl_max = 50, 400
-        socket.linger = 0
+        for topic in topics:
+            socket.subscribe(topic.encode())
         try:
             socket.connect(self.address.endpoint)
         except zmq.ZMQError as error:
             raise UnreachableError(f"cannot reach {self.address.endpoint}: {error}") from error
+        return socket
+
+
+def _queued(info: StreamInfo) -> int:
+    """Samples that ZeroMQ keeps at most."""
+    return int(np.clip(QUEUED_BYTES // (4 * info.channels), 16, 10_000))
 
 
 def open_zmq(
@@ -231,7 +222,6 @@ def open_zmq(
 
 
 LINGER = 200  # for what is on its way when the publisher closes [ms]
-QUEUED_BYTES = 16_000_000  # for a follower who reads too slowly, before it loses samples
 
 
 class ZmqPublisher(Publisher):
@@ -255,7 +245,6 @@ class ZmqPublisher(Publisher):
     def __init__(
         self, address: str, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None = None
     ) -> None:
-        import zmq
 
         super().__init__(info, topics)
         self._address = parse_address(address)
@@ -263,7 +252,7 @@ class ZmqPublisher(Publisher):
         self._context = zmq.Context()
         self._socket = self._context.socket(zmq.PUB)
         # Bounded by bytes: so many float32 samples of this skin.
-        self._socket.sndhwm = int(np.clip(QUEUED_BYTES // (4 * info.channels), 16, 10_000))
+        self._socket.sndhwm = _queued(info)
         self._socket.linger = 0
         try:
             self._socket.bind(self._address.endpoint)
@@ -304,7 +293,6 @@ class ZmqPublisher(Publisher):
 
 
 def _refused(endpoint: str, error: Any) -> SkinError:
-    import errno
 
     if error.errno == errno.EADDRINUSE:
         return OutputError(f"cannot publish at {endpoint}: the port is in use; choose another")

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import json
 import threading
+import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, Protocol, Self
+from typing import Any, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,24 +22,14 @@ from skinmap.recognition.answers import answers_object
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
 
-
-class OpenPublisher(Protocol):
-    """What an entry point of the group `skinmap.publishers` names.
-
-    `address` is what follows the colon of "name:address", empty where there is none; a robot that
-    a way has no use for is left alone.
-    """
-
-    def __call__(  # noqa: D102 - described by the class
-        self, address: str, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None
-    ) -> Publisher: ...
-
-
-publishers: Registry[OpenPublisher] = Registry(
+# What an entry point of the group `skinmap.publishers` names: it is called with an address, a
+# StreamInfo, topics and a robot or None. The address is what follows the colon of "name:address",
+# empty where there is none; a robot that a way has no use for is left alone.
+publishers: Registry[Callable[..., Publisher]] = Registry(
     "way to publish",
     "skinmap.publishers",
     built_in={
-        "foxglove": "skinmap.live.publishing.foxglove_publisher:FoxglovePublisher",
+        "foxglove": "skinmap.live.publishing.ros2_topics:FoxglovePublisher",
         "lsl": "skinmap.live.network.lsl_stream:LslPublisher",
         "zenoh": "skinmap.live.network.zenoh_stream:ZenohPublisher",
         "zmq": "skinmap.live.network.zmq_stream:ZmqPublisher",
@@ -106,15 +97,28 @@ def open_publisher(
     return publishers.get(way)(address, info, wanted, robot)
 
 
-def stream(source: Source, publisher: Publisher) -> None:
-    """Publish all that a source gives, as it comes; back when the source ends."""
-    while True:
-        try:
+def stream(
+    source: Source, publisher: Publisher | None, seconds: float | None = None
+) -> tuple[int, bool]:
+    """Publish what a source gives, as it comes, until it ends, for so long [s], or until Ctrl-C.
+
+    Returns
+    -------
+    came : int
+        Samples.
+    interrupted : bool
+    """
+    came, began = 0, time.perf_counter()
+    try:
+        while seconds is None or time.perf_counter() - began < seconds:
             block = source.read(POLL)
-        except SourceEnded:
-            return
-        if block is not None:
-            publisher.send_block(block)
+            if block is not None:
+                came += len(block)
+                if publisher is not None:
+                    publisher.send_block(block)
+    except (SourceEnded, KeyboardInterrupt) as why:
+        return came, isinstance(why, KeyboardInterrupt)
+    return came, False
 
 
 Topic = Literal["raw", "pressure", "contacts", "labels"]

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
+from skinmap.io.robots.manifest import load_robot
 from skinmap.live.sources.simulated_source import MadeSource, TrueTouch
 from skinmap.live.sources.source import SIMULATION, describe_skins
 from skinmap.physics.robot_model import RobotModel
@@ -159,8 +160,4 @@ def open_mujoco(address: str, *, robot: Robot | None, loop: bool, **wish: Any) -
     """Open `mujoco:FILE`, which never ends."""
     if not address:
         raise InvalidArrayError("a MuJoCo source names its model: 'mujoco:robot.xml'")
-    if robot is None:
-        from skinmap.io.robots.manifest import load_robot
-
-        robot = load_robot("icub")
-    return MujocoSource(robot, Path(address), **wish)
+    return MujocoSource(robot or load_robot("icub"), Path(address), **wish)

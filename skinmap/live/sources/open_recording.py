@@ -16,7 +16,7 @@ from skinmap.io.recordings.recorded_stream import (
     Samples,
     warn_of_loss,
 )
-from skinmap.io.recordings.touch_files import FOREIGN, read_streams
+from skinmap.io.recordings.touch_files import FOREIGN, exported_track, read_streams
 from skinmap.io.ros2.bag import whole
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import check_skin, describe_skins
@@ -140,21 +140,14 @@ def open_track(
     if suffix in TOUCHES:
         from skinmap.io.recordings.touch_files import at_one_clock, read_recordings, track_of
 
-        if own := _exported(path):
-            return own
+        own = is_own_archive(path) and path.is_file() and find_mapping(path) is None
+        if own and (track := exported_track(path)):  # of `skinmap export`
+            return track
         found = read_recordings(path)
         chosen = [one for one in found if one.part in (parts or ())] or found
         return track_of(at_one_clock(chosen), path)
     check_kind(path, "a recording", *FOREIGN)
     raise UnknownNameError("reader of recordings for", path.name, FORMATS)
-
-
-def _exported(path: Path) -> RecordedStream | None:
-    """The track of a .npz of `skinmap export`; None for other files."""
-    from skinmap.io.recordings.touch_files import exported_track
-
-    own = is_own_archive(path) and path.is_file() and find_mapping(path) is None
-    return exported_track(path) if own else None
 
 
 class _Columns:

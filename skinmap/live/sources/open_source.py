@@ -5,12 +5,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-from skinmap.errors import InvalidArrayError, MissingFileError, UnknownNameError
-from skinmap.live.sources.source import Source, as_source
+from skinmap.errors import BrokenPluginError, InvalidArrayError, MissingFileError, UnknownNameError
+from skinmap.io.robots.manifest import load_robot
+from skinmap.live.sources.source import Kind, Source
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
 
@@ -18,26 +19,11 @@ SEED = "seed="  # a word of the simulator's address
 FILES = (".npz", ".mcap", ".xdf", ".xdfz", ".log", ".db3", ".csv", ".tsv", ".txt")
 
 
-class OpenSource(Protocol):
-    """What an entry point of the group `skinmap.sources` names.
-
-    `address` is what follows the colon of "name:address", empty where there is none. The rest is
-    what the user asked for; what makes no sense for a source is left alone.
-    """
-
-    def __call__(  # noqa: D102 - described by the class
-        self,
-        address: str,
-        *,
-        robot: Robot | None,
-        parts: Sequence[str] | None,
-        seed: int,
-        speed: float,
-        loop: bool,
-    ) -> Source: ...
-
-
-sources: Registry[OpenSource] = Registry(
+# What an entry point of the group `skinmap.sources` names: it is called with an address, and the
+# keywords robot, parts, seed, speed and loop. The address is what follows the colon of
+# "name:address", empty where there is none. The rest is what the user asked for; what makes no
+# sense for a source is left alone.
+sources: Registry[Callable[..., Source]] = Registry(
     "source",
     "skinmap.sources",
     built_in={
@@ -95,7 +81,7 @@ def open_source(
     UnreachableError
         Nothing answers at an address.
     BrokenPluginError
-        A plug-in whose source lacks `info`, `read` or `close`.
+        A plug-in that gives something else than a `Source`.
 
     Examples
     --------
@@ -112,7 +98,12 @@ def open_source(
         if name in sources.names():
             open_one = sources.get(name)
             made = open_one(address, robot=robot, parts=parts, seed=seed, speed=speed, loop=loop)
-            return as_source(made)
+            if not isinstance(made, Source):
+                raise BrokenPluginError(
+                    f"{name!r} gives a {type(made).__name__}, which does not derive from "
+                    "skinmap.live.Source (docs/live.md)"
+                )
+            return made
     path = Path(spec)
     if not path.exists():
         if path.suffix.lower() in FILES or path.name != str(spec):
@@ -127,13 +118,10 @@ def resolve_robot(robot: Robot | str | Path | None) -> Robot | None:
     """A robot by its name, or the robot itself."""
     if robot is None or isinstance(robot, Robot):
         return robot
-    from skinmap.io.robots.manifest import load_robot
-
     return load_robot(robot)
 
 
 def _simulated(address: str, *, robot: Robot | None, seed: int, loop: bool, **wish: Any) -> Source:
-    from skinmap.io.robots.manifest import load_robot
     from skinmap.live.sources.simulated_source import SimulatedSource
     from skinmap.touch.simulation.things import NAMES
 
@@ -148,10 +136,6 @@ def _simulated(address: str, *, robot: Robot | None, seed: int, loop: bool, **wi
             f"'sim:{address}'; gestures: {', '.join(NAMES)}"
         )
     seed = int(seeds[-1]) if seeds else seed
-    return SimulatedSource(
-        robot or load_robot("icub"),
-        seed=seed,
-        kind="raw" if raw else "pressure",
-        gestures=names,
-        **wish,
-    )
+    kind: Kind = "raw" if raw else "pressure"
+    robot = robot or load_robot("icub")
+    return SimulatedSource(robot, seed=seed, kind=kind, gestures=names, **wish)

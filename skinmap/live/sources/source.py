@@ -7,26 +7,26 @@ What has happened to the samples of a stream, on the way and here: one set of na
 
 What a stream says of the skin it comes from, and whether it is the skin we have.
 
-Sources that do not derive from `Source`: the one place that asks what such a one has.
-
 `PolledSource` is a source of one part, made of a function that asks a device for new samples.
 """
 
 from __future__ import annotations
 
 import math
+import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, check_finite, freeze
-from skinmap.errors import BrokenPluginError, InvalidArrayError, SkinMismatchError
+from skinmap.errors import BrokenPluginError, InvalidArrayError, SkinMismatchError, UnreachableError
 from skinmap.io.recordings.recorded_stream import Kind, StreamInfo
+from skinmap.live.bounded_queue import BoundedQueue
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, fingerprint
 
@@ -39,8 +39,6 @@ class Counts:
     ----------
     received : int
         Number of samples that arrived.
-    given : int
-        Number of samples that a receiver passed on.
     used : int
         Number of samples used for contacts.
     lost : int
@@ -49,8 +47,6 @@ class Counts:
         Left out because they were not used in time.
     refused : int
         Messages that do not follow their layout.
-    delayed : int
-        Blocks that came more than two periods after the one before.
     late, repeated : int
         Older than one that came before; of the same time: left out.
     short, long : int
@@ -66,12 +62,10 @@ class Counts:
     """
 
     received: int = 0
-    given: int = 0
     used: int = 0
     lost: int = 0
     dropped: int = 0
     refused: int = 0
-    delayed: int = 0
     late: int = 0
     repeated: int = 0
     short: int = 0
@@ -132,7 +126,6 @@ __all__ = [
     "SourceEnded",
     "StreamInfo",
     "blocks",
-    "check_block",
     "is_live",
 ]
 
@@ -282,28 +275,13 @@ class Seekable(Source):
     0.2
     """
 
+    speed: float
+    loop: bool
+
     @property
     def seekable(self) -> bool:
         """Always."""
         return True
-
-    @property
-    @abstractmethod
-    def speed(self) -> float:
-        """Speed as a multiple of the recorded one; `inf` gives all at once, 0 halts."""
-
-    @speed.setter
-    @abstractmethod
-    def speed(self, speed: float) -> None: ...
-
-    @property
-    @abstractmethod
-    def loop(self) -> bool:
-        """Whether it starts again at its end."""
-
-    @loop.setter
-    @abstractmethod
-    def loop(self, loop: bool) -> None: ...
 
     @property
     @abstractmethod
@@ -321,12 +299,12 @@ class Seekable(Source):
 
 
 def _theirs(name: str) -> Any:
-    """A member that is the other source's own; `Source` answers where a foreign one has none."""
-
-    def get(self: Relay) -> Any:
-        return getattr(self.source if hasattr(self.source, name) else super(Relay, self), name)
-
-    return property(get, lambda self, value: setattr(self.source, name, value), doc="Theirs.")
+    """A member that is the other source's own."""
+    return property(
+        lambda self: getattr(self.source, name),
+        lambda self, value: setattr(self.source, name, value),
+        doc="Theirs.",
+    )
 
 
 class Relay(Source):
@@ -400,25 +378,6 @@ def blocks(source: Source, *, timeout: float = 1.0) -> Iterator[Block]:
             yield block
 
 
-def check_block(info: StreamInfo, times: ArrayLike, values: ArrayLike, arrived: float) -> Block:
-    """A block of the stream that `info` describes.
-
-    Raises
-    ------
-    SkinMismatchError
-        Another number of channels (says both).
-    InvalidArrayError
-        Times that are not finite, not one for each sample.
-    """
-    array = np.asarray(values)
-    if array.ndim != 2 or array.shape[1] != info.channels:
-        raise SkinMismatchError(
-            f"stream {info.name!r}: {array.shape[-1] if array.ndim else 0} values in a sample, "
-            f"its skin has {info.channels} channels"
-        )
-    return Block(np.asarray(times, np.float64), array, arrived)
-
-
 def live_width(skin: Skin) -> int:
     """Channels of a part's live vector as far as taxels use it."""
     return int(skin.channels.max(initial=-1)) + 1
@@ -483,49 +442,20 @@ def of_robot(
     return describe_skins(info.name, robot.name, skins, info.rate, info.kind, info.clock)
 
 
-def skin_of(info: StreamInfo) -> tuple[object, ...]:
-    """What of a stream must stay the same when it comes back."""
-    return info.parts, info.widths, info.kind, info.fingerprints
-
-
-NEEDED = ("info", "read", "close")
-LED = ("speed", "loop", "duration", "position", "seek")  # what a recording has
-
-
-def as_source(found: Any) -> Source:
-    """What a plug-in gave as a `Source`, itself or wrapped.
+def check_same_skin(before: StreamInfo, now: StreamInfo, what: str) -> None:
+    """Refuse to go on with a stream that came back with another skin.
 
     Raises
     ------
-    BrokenPluginError
-        It lacks what every source has (says what).
+    SkinMismatchError
     """
-    if isinstance(found, Source):
-        return found
-    lacking = [name for name in NEEDED if not hasattr(found, name)]
-    if lacking:
-        raise BrokenPluginError(
-            f"{type(found).__name__} has no {', '.join(map(repr, lacking))}; a source has "
-            "'info', 'read' and 'close' (docs/live.md)"
+    names = "parts", "widths", "kind", "fingerprints"
+    if any(getattr(before, name) != getattr(now, name) for name in names):
+        layout = before.fingerprints != now.fingerprints
+        raise SkinMismatchError(
+            f"{what}: {now.channels} {now.kind} channels of {', '.join(now.parts)}"
+            + " in another layout" * layout
         )
-    if all(hasattr(found, name) for name in LED):
-        return _ForeignRecording(found)
-    return _ForeignSource(found)
-
-
-class _ForeignSource(Relay):
-    """Adapter of a source that does not derive from ours."""
-
-    @property
-    def counts(self) -> Counts:
-        theirs = getattr(self.source, "counts", None)
-        return theirs if isinstance(theirs, Counts) else self._counts
-
-
-class _ForeignRecording(_ForeignSource, Seekable):
-    """Adapter of a foreign recording."""
-
-    speed, loop, duration, position, seek = map(_theirs, LED)
 
 
 Poll = Callable[[float, Counts], Iterable[Any]]
@@ -601,3 +531,279 @@ class PolledSource(Source):
         self._poll, stop, self._stop = None, self._stop, None
         if stop is not None:
             stop()
+
+
+POLL = 0.2  # asked for at a time [s]
+MARGIN = 1.0  # after which a `read` has not kept its timeout, on a busy machine [s]
+
+
+def check_source(make: Callable[[], Any], *, samples: int = 20, seconds: float = 10.0) -> None:
+    """The contract of sources, as a test that any plug-in can run on itself.
+
+    Nothing happens where all of this holds:
+
+    1. it is a `Source`, and its `info` is a `StreamInfo`;
+    2. something comes within the time given;
+    3. `read` gives a `Block` of at least one sample, or None once its timeout is over, or raises
+       `SourceEnded`;
+    4. each sample has as many values as `info` says, uint8 or float32, finite, and pressures lie
+       within 0 to 255 counts;
+    5. times do not run backwards, and `arrived` does not lie in the future;
+    6. after `close`, which may be called twice, `read` ends at once;
+    7. a recording (`Seekable`) gives the same samples again when it is led back to its beginning.
+
+    Parameters
+    ----------
+    make : callable
+        Opens the source; something must be sending to a live one.
+    samples : int
+        So many are looked at, or all there are.
+    seconds : float
+        Time for them.
+
+    Raises
+    ------
+    BrokenPluginError
+        Which promise is broken, and how.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> def made():
+    ...     return skinmap.open_source("sim", robot=robot, parts=["torso"], speed=float("inf"))
+    >>> skinmap.live.check_source(made)
+    """
+    try:
+        source = make()
+    except Exception as error:
+        raise BrokenPluginError(f"cannot be opened: {error!r}") from error
+    kind = type(source).__name__
+    _require(isinstance(source, Source), f"{kind} does not derive from skinmap.live.Source")
+    info: object = source.info
+    _require(isinstance(info, StreamInfo), f"info is a {type(info).__name__}, expected StreamInfo")
+    blocks = _read(source, samples, seconds)
+    _require(bool(blocks), f"nothing came within {seconds:g} s")
+    _check_times(blocks)
+    if isinstance(source, Seekable):
+        _check_seeking(source, blocks[0], seconds)
+    for _ in range(2):
+        try:
+            source.close()
+        except Exception as error:
+            raise BrokenPluginError(f"close, called twice, fails: {error!r}") from error
+    began = time.perf_counter()
+    try:
+        source.read(60.0)
+        ended = False
+    except (SourceEnded, UnreachableError):
+        ended = True
+    except Exception as error:
+        raise BrokenPluginError(f"read after close raises {error!r}, not SourceEnded") from error
+    _require(ended, "read after close must raise SourceEnded")
+    _require(time.perf_counter() - began < 30.0, "read after close must end at once")
+
+
+def _read(source: Any, samples: int, seconds: float) -> list[Block]:
+    """Blocks of at least so many samples, each looked at."""
+    blocks: list[Block] = []
+    until = time.perf_counter() + seconds
+    while sum(map(len, blocks)) < samples and time.perf_counter() < until:
+        began = time.perf_counter()
+        try:
+            block = source.read(POLL)
+        except SourceEnded:
+            break
+        except Exception as error:
+            raise BrokenPluginError(f"read fails: {error!r}") from error
+        took = time.perf_counter() - began
+        _require(took < POLL + MARGIN, f"read takes {took:.2f} s with a timeout of {POLL} s")
+        if block is not None:
+            _check_block(source.info, block)
+            blocks.append(block)
+    return blocks
+
+
+def _check_block(info: StreamInfo, block: Any) -> None:
+    _require(isinstance(block, Block), f"read gives a {type(block).__name__}, expected a Block")
+    _require(len(block) > 0, "read gives a block without samples; return None for silence")
+    width = block.values.shape[1]
+    _require(width == info.channels, f"{width} values in a sample, info states {info.channels}")
+    kind = block.values.dtype
+    _require(kind in (np.uint8, np.float32), f"values are {kind}, expected uint8 or float32")
+    _require(bool(np.isfinite(block.values).all()), "values hold NaN or infinity")
+    inside = block.values.min() >= 0 and block.values.max() <= 255
+    _require(info.kind == "raw" or bool(inside), "pressures must lie within 0 to 255 counts")
+    _require(block.arrived <= time.perf_counter(), "arrived lies in the future (perf_counter)")
+
+
+def _check_times(blocks: list[Block]) -> None:
+    steps = np.diff(np.concatenate([block.times for block in blocks]))
+    _require(bool((steps >= 0).all()), "times run backwards")
+
+
+def _check_seeking(source: Seekable, first: Block, seconds: float) -> None:
+    try:
+        source.speed = float("inf")
+        source.seek(0.0)
+        again = _read(source, len(first), seconds)
+    except BrokenPluginError:
+        raise
+    except Exception as error:
+        raise BrokenPluginError(f"cannot be led back to its beginning: {error!r}") from error
+    _require(bool(again), "nothing comes from the beginning, once it is led back there")
+    count = min(len(first), len(again[0]))
+    same = np.array_equal(first.values[:count], again[0].values[:count])
+    _require(same, "gives other samples when it is led back to its beginning")
+
+
+def _require(holds: bool, broken: str) -> None:
+    if not holds:
+        raise BrokenPluginError(broken)
+
+
+class ChosenParts(Relay):
+    """A source of which only some parts are handed on.
+
+    Parameters
+    ----------
+    source : Source
+        Closed with this.
+    parts : sequence of str
+
+    Raises
+    ------
+    UnknownNameError
+        A part that the source does not send.
+    """
+
+    def __init__(self, source: Source, parts: Sequence[str]) -> None:
+        super().__init__(source)
+        self._info, self._columns = source.info.only(parts)
+
+    @property
+    def info(self) -> StreamInfo:
+        """What is in a sample, of the chosen parts."""
+        return self._info
+
+    def read(self, timeout: float) -> Block | None:
+        """As the source's, with fewer channels."""
+        block = self.source.read(timeout)
+        if block is None:
+            return None
+        return Block(block.times, block.values[:, self._columns], block.arrived)
+
+
+def choose_parts(source: Source, parts: Sequence[str] | None) -> Source:
+    """The source itself, or only some of its parts."""
+    if not parts or tuple(parts) == source.info.parts:
+        return source
+    return ChosenParts(source, parts)
+
+
+def follow(source: Source, parts: Sequence[str] | None) -> Receiver:
+    """Some parts of a live source, received in a thread; the source is closed where that fails."""
+    try:
+        return Receiver(choose_parts(source, parts))
+    except BaseException:
+        source.close()
+        raise
+
+
+MAX_BYTES = 64_000_000  # kept for a slow reader: 3.7 s of a whole iCub at 1 kHz in float32
+OVERHEAD = 512  # bytes of a block beside its numbers: narrow ones weigh little else
+STOPS = 0.1  # the thread looks so often whether it is to stop [s]
+SILENT = 0.8  # without a sign of life, a source counts as dead: well within a second [s]
+
+
+class Receiver(Relay):
+    """Reads a source in a thread of its own; itself a `Source`.
+
+    Parameters
+    ----------
+    source : Source
+        Read from the thread only, and closed with this.
+    most_bytes : int
+        Kept for a slow reader, blocks with all that they weigh; the oldest samples go first.
+
+    Notes
+    -----
+    Samples are handed on as they came: who uses them looks at them (`SampleChecks`).
+    `read` gives all that was kept. What a source raises is raised again by whoever reads.
+
+    Examples
+    --------
+    >>> import skinmap
+    >>> robot = skinmap.load_robot("kaspar")
+    >>> source = skinmap.open_source("sim", robot=robot, parts=["torso"], speed=float("inf"))
+    >>> receiver = skinmap.live.Receiver(source)
+    >>> block = receiver.read(30.0)
+    >>> len(block) > 0, block.values.shape[1] == source.info.channels
+    (True, True)
+    >>> receiver.close()
+    """
+
+    def __init__(self, source: Source, *, most_bytes: int = MAX_BYTES) -> None:
+        super().__init__(source)
+        self._kept: BoundedQueue[Block] = BoundedQueue(most_bytes)
+        self._last_seen = time.perf_counter()
+        self._stop = threading.Event()
+        self._thread = threading.Thread(target=self._work, name="receiver", daemon=True)
+        self._thread.start()
+
+    @property
+    def counts(self) -> Counts:
+        """What happened so far; a copy."""
+        theirs = self.source.counts
+        return replace(
+            self._counts, lost=theirs.lost, refused=theirs.refused, reconnects=theirs.reconnects
+        )
+
+    @property
+    def last_seen(self) -> float:
+        """`time.perf_counter()` of the last sign of life.
+
+        A source that knows it is asked: this thread takes a block a moment after it came, and two
+        moments would let `alive` and `last_seen` contradict each other.
+        """
+        theirs = self.source.last_seen
+        return self._last_seen if np.isnan(theirs) else theirs
+
+    @property
+    def alive(self) -> bool:
+        """Whether there was a sign of life within the last second."""
+        return self.source.alive and time.perf_counter() - self.last_seen < SILENT
+
+    def read(self, timeout: float) -> Block | None:
+        """All samples that were kept, as one block; None where none come within `timeout` [s]."""
+        blocks = self._kept.take_all(timeout)
+        if not blocks:
+            return None
+        if len(blocks) == 1:
+            return blocks[0]
+        return Block(
+            np.concatenate([block.times for block in blocks]),
+            np.concatenate([block.values for block in blocks]),
+            blocks[-1].arrived,
+        )
+
+    def close(self) -> None:
+        """Stop the thread and close the source; may be called twice."""
+        self._stop.set()
+        self._kept.end(SourceEnded(), at_once=True)
+        if threading.current_thread() is not self._thread:
+            self._thread.join()
+        self.source.close()
+
+    def _work(self) -> None:
+        while not self._stop.is_set():
+            try:
+                block = self.source.read(STOPS)
+            except Exception as error:  # noqa: BLE001 - whoever reads is told
+                self._kept.end(error)
+                return
+            if block is not None and len(block):
+                self._last_seen = time.perf_counter()
+                self._counts.received += len(block)
+                size = block.values.nbytes + block.times.nbytes + OVERHEAD
+                self._counts.dropped += sum(map(len, self._kept.push(block, size)))

@@ -14,9 +14,14 @@ import numpy as np
 
 from skinmap import __version__
 from skinmap.errors import MessageError
-from skinmap.live.network.addresses import parse_address
-from skinmap.live.network.lsl_settings import read_description
-from skinmap.live.network.network_messages import Header, pack_info, read_json, unpack_info
+from skinmap.live.network.lsl_stream import read_description
+from skinmap.live.network.network_messages import (
+    Header,
+    pack_info,
+    parse_address,
+    read_json,
+    unpack_info,
+)
 from skinmap.live.network.zmq_stream import ZmqSource
 from skinmap.live.sources.source import Source, StreamInfo
 from skinmap.profile import read_profile
@@ -181,7 +186,7 @@ TARGETS = [
     Target("stream-description", "m", lambda: [DESCRIPTION], of_bytes(unpack_info),
            (f"{LIVE}.network_messages.read_json",)),
     Target("lsl-description", "m", lambda: [LSL], of_bytes(describe),
-           (f"{LIVE}.lsl_settings.read_description",)),
+           (f"{LIVE}.lsl_stream.read_description",)),
     Target("page-wish", "m", lambda: [json.dumps(wish).encode() for wish in WISHES],
            of_bytes(obey)),
     Target("page-request", "m", lambda: [REQUEST], of_bytes(ask)),

@@ -13,7 +13,7 @@ from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.loop import TouchLoop
 from skinmap.live.response.pressures import RestBaseline
 from skinmap.live.robot_skin import JoinedSkin
-from skinmap.live.sources.source import Block, Counts, SourceEnded, StreamInfo
+from skinmap.live.sources.source import Block, Counts, Source, SourceEnded, StreamInfo
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 
@@ -32,11 +32,11 @@ class OnePart:
         return bent_skin()
 
 
-class Planted:
+class Planted(Source):
     """A source of blocks that are there already; then it is silent, or ends."""
 
     def __init__(self, blocks: list[Block], channels: int = 144, ends: bool = True) -> None:
-        self.info = StreamInfo("laws", ("bent",), (channels,), RATE)
+        super().__init__(StreamInfo("laws", ("bent",), (channels,), RATE))
         self.blocks, self.ends = blocks, ends
 
     def read(self, timeout: float) -> Block | None:

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.viewer.unpacking import unpack
-from viewer.web.packing import TYPES, finite, pack
+from viewer.web.scene_data import TYPES, finite, pack
 
 
 @given(

@@ -1,4 +1,4 @@
-// Reads what viewer/web/packing.py wrote: a header and typed arrays, in place.
+// Reads what `pack` of viewer/web/scene_data.py wrote: a header and typed arrays, in place.
 
 const KINDS = { u1: Uint8Array, i1: Int8Array, u2: Uint16Array, u4: Uint32Array, i4: Int32Array, f4: Float32Array };
 

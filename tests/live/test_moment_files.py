@@ -14,7 +14,7 @@ from skinmap.cli.main import cli
 from skinmap.errors import MissingLibraryError
 from skinmap.live import Moment
 from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.rerun_file import write_rerun
+from skinmap.live.moment_files import write_rerun
 
 
 class Columns(dict):

@@ -1,8 +1,9 @@
-"""A recording as a file of rerun: body, taxels in the colour of their pressure, touches, plots."""
+"""Moments of a recording as a file of rerun, and as a table of contacts (CSV or Parquet)."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+import csv
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.imports import import_optional
+from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.live.sources.playback import MarkedSpan
 from skinmap.skin.robot import Robot
@@ -83,8 +85,7 @@ class _Writer:
     def __init__(self, rerun: Any, stream: Any, robot: Robot, skins: Mapping[str, Skin]) -> None:
         self.rerun, self.stream, self.robot, self.skins = rerun, stream, robot, skins
         # Times and rows that wait to be sent together.
-        self._colours: dict[str, list[tuple[float, Any]]] = {part: [] for part in skins}
-        self._plots: dict[str, list[tuple[float, float]]] = {}
+        self._waiting: dict[str, list[tuple[float, Any]]] = {}
         self._coloured = dict.fromkeys(skins, -np.inf)
         self._told: set[tuple[str, int, str]] = set()
         self._touched: set[str] = set()
@@ -133,9 +134,9 @@ class _Writer:
         for part, pressures in moment.pressures.items():
             if part not in self.skins:
                 continue
-            self._plot(f"plots/{part}/largest", now, float(np.nanmax(pressures, initial=0.0)))
+            self._keep(f"plots/{part}/largest", now, float(np.nanmax(pressures, initial=0.0)))
             mine = [touch.area for touch in moment.touches if touch.part == part]
-            self._plot(f"plots/{part}/area_mm2", now, 1e6 * float(np.nansum(mine)))
+            self._keep(f"plots/{part}/area_mm2", now, 1e6 * float(np.nansum(mine)))
             if abs(now - self._coloured[part]) >= PERIOD:
                 self._coloured[part] = now
                 self._colour(part, now, pressures)
@@ -150,10 +151,8 @@ class _Writer:
 
     def flush(self) -> None:
         """Send what waits."""
-        for part in self.skins:
-            self._send_colours(part)
-        for entity in self._plots:
-            self._send_plot(entity)
+        for entity in list(self._waiting):
+            self._send(entity)
 
     def _at(self, part: str, what: str) -> str:
         return f"world/{self.robot.part(part).link}/{part}/{what}"
@@ -165,31 +164,22 @@ class _Writer:
 
     def _colour(self, part: str, now: float, pressures: NDArray[Any]) -> None:
         counts = np.clip(np.nan_to_num(pressures), 0, 255).astype(np.uint8)
-        self._colours[part].append((now, self._table[counts]))
-        if len(self._colours[part]) >= AT_ONCE:
-            self._send_colours(part)
+        self._keep(self._at(part, "taxels"), now, self._table[counts], AT_ONCE)
 
-    def _send_colours(self, part: str) -> None:
-        if not self._colours[part]:
-            return
-        times, rows = zip(*self._colours[part], strict=True)
-        self._colours[part] = []
-        colours = self.rerun.Points3D.columns(colors=np.concatenate(rows))
-        self._send(self._at(part, "taxels"), times, colours.partition(list(map(len, rows))))
+    def _keep(self, entity: str, now: float, row: Any, most: int = 64 * AT_ONCE) -> None:
+        """Keep a value or the colours of taxels until `most` can be sent together."""
+        self._waiting.setdefault(entity, []).append((now, row))
+        if len(self._waiting[entity]) >= most:
+            self._send(entity)
 
-    def _plot(self, entity: str, now: float, value: float) -> None:
-        self._plots.setdefault(entity, []).append((now, value))
-        if len(self._plots[entity]) >= 64 * AT_ONCE:
-            self._send_plot(entity)
-
-    def _send_plot(self, entity: str) -> None:
-        if self._plots[entity]:
-            times, values = zip(*self._plots[entity], strict=True)
-            self._plots[entity] = []
-            self._send(entity, times, self.rerun.Scalars.columns(scalars=list(values)))
-
-    def _send(self, entity: str, times: tuple[float, ...], columns: Any) -> None:
+    def _send(self, entity: str) -> None:
+        times, rows = zip(*self._waiting.pop(entity), strict=True)
         index = self.rerun.TimeColumn(TIMELINE, duration=list(times))
+        if isinstance(rows[0], float):
+            columns = self.rerun.Scalars.columns(scalars=list(rows))
+        else:
+            colours = self.rerun.Points3D.columns(colors=np.concatenate(rows))
+            columns = colours.partition(list(map(len, rows)))
         self.stream.send_columns(entity, [index], columns)
 
     def _touches(self, part: str, now: float, moment: Moment) -> None:
@@ -217,3 +207,104 @@ class _Writer:
                 self._told.add(news)
                 text = f"{touch.label} on {part}"
                 self.stream.log("touches", self.rerun.TextLog(text, level="INFO"))
+
+
+NEED_ARROW = "a Parquet file needs pyarrow: pip install 'skinmap[lerobot]'"
+KILO, MM, MM2 = 1e-3, 1e3, 1e6
+COLUMNS = (
+    "time", "id", "part", "link", "x_mm", "y_mm", "z_mm", "area_mm2", "area_low_mm2",
+    "area_high_mm2", "force_n", "force_low_n", "force_high_n", "mean_kpa", "mean_low_kpa",
+    "mean_high_kpa", "peak_kpa", "peak_low_kpa", "peak_high_kpa", "peak_counts", "label",
+    "confidence", "kind", "motion", "hand", "refused",
+    "marked",
+)  # fmt: skip
+Cell = str | int | float | None
+
+
+def write_contacts(
+    moments: Iterable[Moment],
+    robot: Robot,
+    path: Path,
+    *,
+    parquet: bool,
+    marked: Sequence[MarkedSpan] = (),
+) -> int:
+    """Write the touches of all moments.
+
+    Parameters
+    ----------
+    moments : iterable of Moment
+        One for each sample, with touches and their names.
+    robot : Robot
+        Places are in the frames of its links.
+    path : Path
+    parquet : bool
+        Whether to write Parquet instead of CSV; all rows are held in memory then.
+    marked : sequence of (part, label, beginning, end)
+        Marks of the recording itself [s]; the last column names those of a touch's part.
+
+    Returns
+    -------
+    int
+        Rows that were written.
+
+    Raises
+    ------
+    MissingLibraryError
+        Parquet without pyarrow.
+    """
+    rows = (
+        [*row(moment.time, touch, robot), _marked(moment.time, touch.part, marked)]
+        for moment in moments
+        for touch in moment.touches
+    )
+    if not parquet:
+        return _write_csv(rows, path)
+    arrow = import_optional("pyarrow", NEED_ARROW)
+    held = [dict(zip(COLUMNS, one, strict=True)) for one in rows]
+    table = arrow.Table.from_pylist(held, schema=_schema(arrow))
+    import_optional("pyarrow.parquet", NEED_ARROW).write_table(table, path)
+    return len(held)
+
+
+def row(time: float, touch: NamedTouch, robot: Robot) -> list[Cell]:
+    """The cells of one touch; None for a number that is not known."""
+    load = touch.load
+    if load is None or load.refused:
+        least, most = MM2 * touch.area_least, MM2 * touch.area
+        numbers: list[Cell] = [None, least, most, *[None] * 9]
+    else:
+        ends = ((load.area, MM2), (load.force, 1.0), (load.mean, KILO), (load.peak, KILO))
+        numbers = [factor * end for interval, factor in ends for end in interval]
+    answers = touch.answers
+    named: list[Cell] = [None] * 3
+    if answers is not None:
+        named = [answers.kind.answer, answers.motion.answer, answers.hand.answer]
+    return [
+        time, touch.identity, touch.part, robot.part(touch.part).link,
+        *(MM * touch.centre).tolist(), *numbers, touch.peak, touch.label, touch.confidence, *named,
+        "" if load is None else load.refused,
+    ]  # fmt: skip
+
+
+def _marked(time: float, part: str, marked: Sequence[MarkedSpan]) -> str:
+    there = (label for of, label, begin, end in marked if of == part and begin <= time <= end)
+    return " + ".join(dict.fromkeys(there))
+
+
+def _write_csv(rows: Iterator[list[Cell]], path: Path) -> int:
+    count = 0
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table = csv.writer(file)
+        table.writerow(COLUMNS)
+        for one in rows:
+            count += 1
+            rest = (f"{cell:.7g}" if isinstance(cell, float) else cell for cell in one[1:])
+            table.writerow([f"{one[0]:.6f}", *rest])  # times of a clock of Unix, to 1 us
+    return count
+
+
+def _schema(arrow: Any) -> Any:
+    texts = {"part", "link", "label", "kind", "motion", "hand", "refused", "marked"}
+    kinds = {"id": arrow.int64(), **{name: arrow.string() for name in texts}}
+    return arrow.schema([(name, kinds.get(name, arrow.float64())) for name in COLUMNS])
