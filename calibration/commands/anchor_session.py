@@ -29,7 +29,7 @@ from skinmap.arrays import FloatArray, IntArray, check_finite
 from skinmap.errors import InvalidArrayError, SkinError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.io.output import staged_folder
-from skinmap.io.units import UNITS
+from skinmap.io.text import UNITS
 
 REACH = 0.75  # pitches: how far beside a taxel a click still means it
 ANCHORS, REFUSED_ANCHORS = "anchors.csv", "refused_anchors.csv"

@@ -27,7 +27,7 @@ from skinmap.commands.progress import progress
 from skinmap.commands.retired import retired
 from skinmap.commands.spreading import WorkerOptions, workers_options
 from skinmap.errors import DataFormatError, SkinError, unknown_name
-from skinmap.io.units import UNITS
+from skinmap.io.text import UNITS
 from skinmap.report.present import present
 from skinmap.report.result import MERGED, OK, Verdict
 from skinmap.report.table import Table

@@ -30,7 +30,7 @@ from calibration.patch.placing import Touch, locate_by_touch, wrap_layout
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.io.robots.mesh_file import read_mesh
-from skinmap.io.units import UNITS
+from skinmap.io.text import UNITS
 from skinmap.report.present import write_files
 
 FEWEST_ANCHORS, FEWEST_TOUCHES = 4, 8  # fewer leave too little over to predict one by the others

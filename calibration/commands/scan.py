@@ -132,7 +132,7 @@ def _load(
 ) -> ScanFiles:
     from calibration.files.tables import read_numbers, read_placed, read_points
     from skinmap.io.robots.mesh_file import read_mesh
-    from skinmap.io.units import UNITS
+    from skinmap.io.text import UNITS
 
     unit = UNITS[units]
     points = read_points(scan_file) * unit

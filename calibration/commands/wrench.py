@@ -94,7 +94,7 @@ def wrench(touches: Path, units: str, output: Outputs) -> None:
     Example:  skinmap calibrate wrench touches.npz -o out
     """
     from calibration.files.mount_files import read_wrenches
-    from skinmap.io.units import UNITS
+    from skinmap.io.text import UNITS
 
     with progress(1, "calibrate") as advance:
         advance("wrenches")

@@ -14,7 +14,7 @@ from skinmap.commands.options import PATH, out_file, outside_option, prints
 from skinmap.commands.overwriting import FORCE
 from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.io.robots.new_manifest import KNOWN_UNITS, NEAR, Candidate
-from skinmap.io.units import UNITS
+from skinmap.io.text import UNITS
 from skinmap.report.present import emit, present, show
 from skinmap.report.table import Table
 

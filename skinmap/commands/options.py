@@ -13,7 +13,7 @@ import click
 from skinmap.commands.overwriting import force_option, guard
 from skinmap.commands.profiles import profile_option as profile_option
 from skinmap.commands.retired import retired
-from skinmap.io.units import UNITS
+from skinmap.io.text import UNITS
 
 if TYPE_CHECKING:
     from skinmap.live.sources.source import Source

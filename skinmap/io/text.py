@@ -14,6 +14,9 @@ from typing import Any, TypeVar
 
 from skinmap.errors import DataFormatError, MissingFileError
 
+# Units of length that files may be in: the same words in manifests, options and tables.
+UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254}
+
 T = TypeVar("T")
 MAX_BYTES = 64 * 2**20  # the largest real table has 0.1 MB; more is another kind of file
 MAX_WHOLE = 2**53  # beyond it a float has no room for every whole number

@@ -16,7 +16,7 @@ import skinmap
 from skinmap.cli import main as program
 from skinmap.cli.main import cli
 from skinmap.commands.retired import RetiredOption
-from skinmap.io.units import UNITS
+from skinmap.io.text import UNITS
 from viewer.layers import LAYERS
 
 EXAMPLE = Path(__file__).parents[2] / "docs" / "examples" / "robot"

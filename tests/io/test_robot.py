@@ -142,7 +142,7 @@ def test_the_unit_is_found_in_the_files_numbers_before_frame_and_pose(
     tmp_path, place, unit, stated, warned
 ):
     from skinmap.io.taxels.taxel_table import write_csv
-    from skinmap.io.units import UNITS
+    from skinmap.io.text import UNITS
     from skinmap.skin.taxels import TaxelTable
 
     pitch = 0.008
@@ -176,7 +176,7 @@ def test_taxels_of_a_large_skin_are_believed_where_they_lie_on_the_link(
     tmp_path, pitch, unit, stated
 ):
     from skinmap.io.taxels.taxel_table import write_csv
-    from skinmap.io.units import UNITS
+    from skinmap.io.text import UNITS
     from skinmap.skin.taxels import TaxelTable
 
     radius, numbers = 6 * pitch, np.arange(72)

@@ -19,7 +19,7 @@ from skinmap.io.output import staged_folder
 from skinmap.io.robots.mesh_file import MESH_SUFFIXES, file_metres
 from skinmap.io.robots.urdf import MeshBody, UrdfBody, read_urdf
 from skinmap.io.safe_xml import local_name
-from skinmap.io.units import UNITS
+from skinmap.io.text import UNITS
 from skinmap.skin.repair import PITCHES, STATED_PITCHES
 from skinmap.skin.robot import DH_SUFFIX, Robot
 from skinmap.skin.taxels import TaxelTable
