@@ -200,7 +200,8 @@ def read_model(path: Path, find: Callable[[str], Callable[[], TouchClassifier]])
     # A damaged file fails in zip, JSON, numpy or skops, each in its own way.
     except Exception as error:
         check_kind(path, "a model")
-        raise DataFormatError(f"not a Skinmap model of this version: {error}", path) from error
+        again = ": train the model again" if isinstance(error, KeyError) else ""
+        raise DataFormatError(f"not a Skinmap model: {error}{again}", path) from error
     _warn_of_versions(head["versions"], path)
     return classifier
 

@@ -94,7 +94,7 @@ def test_limits_are_those_of_the_library():
     limits = {(words, one.opts[-1]): one.type for words, one in NUMERIC}
     assert limits["flatten", "--max-distortion"].min == ISOMETRY
     assert KNOBS["classify"]["words"].most == MAX_WORDS
-    assert KNOBS["classify"]["rotations"].only == 6
+    assert KNOBS["classify"]["rotations"].only == (1, 4, 6)
     sensed = {"noise": 0.0, "rate": 10_000.0, "saturation": 255.0, "bits": 8, "gaps": 0.5}
     for name, value in sensed.items():
         kind = SENSING[name]
