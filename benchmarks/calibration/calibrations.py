@@ -267,9 +267,6 @@ def main() -> None:
             write(file, kept | {"code": code_of(measure)})
 
 
-if __name__ == "__main__":
-    main()
-
 PAIRS, RUNS = 700, 30
 RATE, MINUTES, TAXELS, HELD, PRESS = 50.0, 10.0, 60, 6, 80.0
 
@@ -375,3 +372,7 @@ TRACKERS: dict[str, Callable[[FloatArray, FloatArray], FloatArray]] = {
     "skinmap": lambda rest, samples: ResponseCalibration.fit(rest, rate=RATE).apply(samples),
     "incumbent, as shipped (margin 7, adapts under contact)": _incumbent,
 }
+
+
+if __name__ == "__main__":
+    main()

@@ -388,10 +388,6 @@ def follow(loop: TouchLoop, seconds: float) -> dict[str, Any]:
     }
 
 
-if __name__ == "__main__":
-    command(measure, __doc__, "live")
-
-
 TAIL = 500  # moments that are compared with those of a fresh start
 TAUGHT = ("torso", "right_forearm")  # parts that a classifier learns on
 
@@ -492,3 +488,7 @@ def soak_icub(samples: int) -> dict[str, Any]:
     robot = skinmap.load_robot("icub")
     skins = {part: PreparedSkin(robot.skin(part)) for part in robot.parts}
     return soak(robot, skins, train(skins), samples)
+
+
+if __name__ == "__main__":
+    command(measure, __doc__, "live")

@@ -591,7 +591,8 @@ def load_response(path: Path, *, fingerprint: str = "") -> ResponseCalibration:
             if head["format"] != FORMAT:
                 raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
             known: dict[str, Any] = {name: kind(head[name]) for name, kind in HEAD.items()}
-            known |= {name: arrays.get(name) for name in ARRAYS}
+            known |= {name: arrays[name] for name in ARRAYS[:3]}
+            known |= {name: arrays.get(name) for name in ARRAYS[3:]}
             if "gain_loads" in arrays:
                 known["gain"] = Gain(arrays["gain_loads"], arrays["gain_counts"])
             response = ResponseCalibration(**known, health=np.array(head["health"], dtype="<U13"))

@@ -171,9 +171,10 @@ def read_model(path: Path, find: Callable[[str], Callable[[], TouchClassifier]])
         with zipfile.ZipFile(path) as archive:
             _check_archive(archive, path, known=FILES)
             head = json.loads(archive.read(HEAD))
-            if head["format"] != FORMAT:
+            if head.get("format") != FORMAT:
                 raise DataFormatError(
-                    f"format {head['format']!r}, expected {FORMAT!r}: train the model again", path
+                    f"format {head.get('format')!r}, expected {FORMAT!r}: train the model again",
+                    path,
                 )
             classifier = find(str(head["classifier"]))()
             if hasattr(classifier.descriptor, "from_arrays"):
@@ -229,6 +230,8 @@ def _read_estimator(data: bytes, classifier: TouchClassifier, path: Path) -> Any
         _check_archive(inner, path)
     found = get_untrusted_types(data=data)
     foreign = foreign_types(found, classifier.estimator)
+    if foreign and all(name.startswith("skinmap.classif") for name in foreign):
+        raise DataFormatError("made by an earlier version: train the model again", path)
     if foreign:
         raise DataFormatError(f"refused: it holds {', '.join(foreign)}", path)
     with warnings.catch_warnings():

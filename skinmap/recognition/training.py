@@ -93,7 +93,7 @@ def _one_of(knob: str, known: Sequence[Any], value: Any) -> Any:
 KNOBS: dict[str, tuple[tuple[str, ...], Callable[[Any], Any]]] = {
     "radius_mm": (("radius",), lambda mm: 1e-3 * _within("radius_mm", 0.1, 1e3 * WIDEST, mm)),
     "words": (("words",), lambda count: int(_within("words", 2, MAX_WORDS, count))),
-    "rotations": (("rotations",), partial(_one_of, "rotations", (1, 4, 6))),
+    "rotations": (("rotations",), lambda order: int(_one_of("rotations", (1, 4, 6), order))),
     "distance": (("distance",), partial(_one_of, "distance", ("euclidean", "geodesic"))),
     "image_size": (("size", "image_shape"), read_size),
     "network": (("network",), partial(_one_of, "network", ("paper", "small"))),

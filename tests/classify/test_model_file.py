@@ -5,11 +5,14 @@ from __future__ import annotations
 import io
 import json
 import pickle
+import sys
+import types
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
+from sklearn.base import BaseEstimator
 from sklearn.preprocessing import FunctionTransformer
 from skops.io import dumps
 
@@ -175,6 +178,14 @@ def test_pickles_are_never_unpickled(saved, tmp_path, name):
 def test_functions_in_an_estimator_are_refused(saved):
     rewrite(saved, estimator__skops=dumps(FunctionTransformer(func=save_classifier)))
     with pytest.raises(DataFormatError, match=r"refused: it holds .*save_classifier"):
+        load_classifier(saved)
+
+
+def test_a_model_of_an_earlier_layout_asks_to_be_trained_again(saved, monkeypatch):
+    old = type("IntersectionSVC", (BaseEstimator,), {"__module__": "skinmap.classify.intersection"})
+    monkeypatch.setitem(sys.modules, old.__module__, types.SimpleNamespace(IntersectionSVC=old))
+    rewrite(saved, estimator__skops=dumps(old()))
+    with pytest.raises(DataFormatError, match="made by an earlier version: train the model again"):
         load_classifier(saved)
 
 

@@ -62,6 +62,15 @@ class OtherInfo(Good):
         self._info = {"parts": 1}
 
 
+class OtherCounts(Good):
+    counts = {"lost": 3}  # noqa: RUF012
+
+
+class DegreesAsText(Good):
+    def angles_at(self, time: float) -> object:
+        return {"elbow": "90 deg"}
+
+
 class Silent(Good):
     def read(self, timeout: float):
         return None
@@ -152,6 +161,8 @@ class Forgets(Playback):
         (NotDerived, "NotDerived does not derive from skinmap.live.Source"),
         (lambda: 1 / 0, "cannot be opened: ZeroDivisionError"),
         (OtherInfo, "info is a dict, expected StreamInfo"),
+        (OtherCounts, "counts is a dict, expected Counts"),
+        (DegreesAsText, "angles_at gives {'elbow': '90 deg'}, expected angles"),
         (Silent, r"nothing came within 0\.3 s"),
         (Slow, r"read takes .* s with a timeout of 0\.2 s"),
         (Bare, "read gives a ndarray, expected a Block"),

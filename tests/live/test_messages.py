@@ -81,8 +81,10 @@ def test_values_of_another_size_are_refused(size):
 
 def test_info_comes_back_as_it_went():
     back = unpack_info(pack_info(INFO, session=3, heartbeat=0.2))
-    for name in ("name", "parts", "widths", "rate", "kind", "robot", "fingerprints", "clock"):
+    for name in ("name", "parts", "widths", "rate", "kind", "robot", "fingerprints"):
         assert getattr(back, name) == getattr(INFO, name), name
+    assert INFO.clock == "simulation"
+    assert back.clock == "publisher"  # what comes over a network is live, whatever made it
 
 
 @pytest.mark.parametrize(

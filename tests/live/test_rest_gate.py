@@ -139,7 +139,7 @@ def test_a_finger_that_rests_for_minutes_is_not_taken_for_drift(joined):
     assert (found[300:, own] >= 30).all()
 
 
-@pytest.mark.parametrize(("rise", "warmth"), [(0.3, True), (0.8, True), (6.0, False)])
+@pytest.mark.parametrize(("rise", "warmth"), [(0.3, True), (0.8, True), (2.0, False), (6.0, False)])
 def test_warmth_of_a_whole_part_is_followed_and_a_slow_press_of_it_is_not(joined, rise, warmth):
     gate, rng = RestGate(joined, RATE), np.random.default_rng(5)
     gains = np.where(joined.part_of == 0, rng.normal(1, 0.3, len(joined)).clip(0.2, 2), 0.0)
@@ -148,5 +148,15 @@ def test_warmth_of_a_whole_part_is_followed_and_a_slow_press_of_it_is_not(joined
     counts = np.clip(np.rint(counts + rng.normal(0, 1, counts.shape)), 0, 255).astype(np.uint8)
     found = np.concatenate([gate.apply(block) for block in np.array_split(counts, 400)])
     assert (not found[4 * SECONDS :].any()) == warmth
-    if not warmth:  # pressed to 120 counts
-        assert (found[27 * SECONDS][gains > 0.5] > 40).all()
+    if not warmth:  # pressed to 40 or 120 counts
+        assert (found[27 * SECONDS][gains > 0.6] > 15).all()
+
+
+def test_a_press_at_the_end_of_the_range_stays_there_after_the_skin_cooled(joined):
+    gate = RestGate(joined, RATE)
+    counts = np.full((8 * SECONDS, len(joined)), 3, np.uint8)
+    counts[4 * SECONDS :] = 0
+    own = pair(joined)
+    counts[7 * SECONDS :, own] = 255
+    found = np.concatenate([gate.apply(block) for block in np.array_split(counts, 80)])
+    assert (found[7 * SECONDS + 20 :, own] == 255).all()

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.errors import InvalidArrayError, MessageError, SkinWarning
-from skinmap.live.sources.source import Kind, StreamInfo
+from skinmap.live.sources.source import SIMULATION, Kind, StreamInfo
 from skinmap.validation import checked
 
 HERE = "127.0.0.1"
@@ -231,9 +231,11 @@ def unpack_info(frame: bytes) -> StreamInfo:
         raise MessageError(f"{sum(widths)} channels, at most {MAX_CHANNELS} are read")
     prints = {part.part: part.fingerprint for part in told.parts if part.fingerprint}
     names = tuple(part.part for part in told.parts)
+    # What comes over a network is live, whatever made it: its reader waits and finds it stale.
+    clock = "publisher" if told.clock == SIMULATION else told.clock
     try:
         return StreamInfo(
-            told.name, names, widths, told.rate_hz, told.kind, told.robot, prints, told.clock
+            told.name, names, widths, told.rate_hz, told.kind, told.robot, prints, clock
         )
     except InvalidArrayError as error:
         raise MessageError(f"a stream's description that makes no sense: {error}") from error

@@ -23,6 +23,7 @@ NEVER = 5  # windows after which a taxel that was never seen at rest is stuck
 FOLLOWED = 0.05  # counts a second that levels follow drift by; no press rises so slowly
 STEADY = 1.0  # counts that rest may wander without being followed
 TOGETHER = 0.75  # of a part's taxels that move alike in two seconds: warmth, and not a hand
+WARMING = 2.5  # counts that most may move by in two seconds: a press is quicker
 GAINS = 3.0  # times the common movement that one taxel may move by
 CROWD = 12  # taxels of a part that can be so many
 SOME = 16  # one taxel of so many stands for the skin where a few are learnt
@@ -77,7 +78,7 @@ class RestGate:
                 self._learn()
         self._seen += len(pressures)
         if self._drift.any():
-            lower = np.maximum(np.rint(found - self._drift), 1).astype(found.dtype)
+            lower = np.clip(np.rint(found - self._drift), 1, 255).astype(found.dtype)
             found = np.where(found > 0, lower, found)
         return found
 
@@ -171,6 +172,6 @@ class RestGate:
             known, moved = self._known[rows], away[rows][low[rows]]
             common = float(np.median(moved)) if len(moved) else 0.0
             alike = np.count_nonzero(moved * np.sign(common) > STEADY / 2)
-            if alike >= max(CROWD, TOGETHER * np.count_nonzero(known)):
+            if abs(common) <= WARMING and alike >= max(CROWD, TOGETHER * np.count_nonzero(known)):
                 shared[rows] = np.where(known, common, 0.0)
         return shared

@@ -582,6 +582,11 @@ def check_source(make: Callable[[], Any], *, samples: int = 20, seconds: float =
     _require(isinstance(source, Source), f"{kind} does not derive from skinmap.live.Source")
     info: object = source.info
     _require(isinstance(info, StreamInfo), f"info is a {type(info).__name__}, expected StreamInfo")
+    counts: object = source.counts
+    _require(isinstance(counts, Counts), f"counts is a {type(counts).__name__}, expected Counts")
+    angles: Any = source.angles_at(0.0)
+    sound = isinstance(angles, Mapping) and all(isinstance(one, float) for one in angles.values())
+    _require(sound, f"angles_at gives {angles!r}, expected angles [rad] by joint")
     blocks = _read(source, samples, seconds)
     _require(bool(blocks), f"nothing came within {seconds:g} s")
     _check_times(blocks)
@@ -644,7 +649,7 @@ def _check_times(blocks: list[Block]) -> None:
 
 def _check_seeking(source: Seekable, first: Block, seconds: float) -> None:
     try:
-        source.speed = float("inf")
+        source.speed, source.loop = float("inf"), False
         source.seek(0.0)
         again = _read(source, len(first), seconds)
     except BrokenPluginError:
@@ -655,6 +660,7 @@ def _check_seeking(source: Seekable, first: Block, seconds: float) -> None:
     count = min(len(first), len(again[0]))
     same = np.array_equal(first.values[:count], again[0].values[:count])
     _require(same, "gives other samples when it is led back to its beginning")
+    _require(source.duration >= 0.0, f"lasts {source.duration} seconds")
 
 
 def _require(holds: bool, broken: str) -> None:

@@ -388,7 +388,6 @@ def _predict(
     return np.asarray(machine.predict(gram[np.ix_(test, train)]))
 
 
-FOLDS = 4
 PERCENT = 10  # of the samples of each patch
 # A patch of which a whole hand covers less than this is touched by something else than a hand.
 ENOUGH_ON_SKIN = 0.4
