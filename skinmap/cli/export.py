@@ -745,19 +745,18 @@ def _with_map(table: TaxelTable, part: str) -> CySkin:
 
 
 def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) -> None:
-    from skinmap.io.taxels import taxel_export
-    from skinmap.io.taxels.icub import CHANNELS_PER_MODULE
+    from skinmap.io.taxels import icub, tactile_urdf
     from skinmap.io.taxels.taxel_table import write_csv
 
     if format == "urdf":
-        taxel_export.write_tactile_urdf({part: table}, path, robot=robot)
+        tactile_urdf.write_tactile_urdf({part: table}, path, robot=robot)
     elif format == "cyskin":
         from skinmap.io.taxels.cyskin import write_cyskin
 
         write_cyskin(_with_map(table, part), path)
     elif format == "icub":
         if not table.modules.any():  # a file that names none
-            table = dataclasses.replace(table, modules=table.channels // CHANNELS_PER_MODULE)
-        taxel_export.write_icub(table, path, name=table.link or "_".join(part.split()))
+            table = dataclasses.replace(table, modules=table.channels // icub.CHANNELS_PER_MODULE)
+        icub.write_icub(table, path, name=table.link or "_".join(part.split()))
     else:
         write_csv(table, path)

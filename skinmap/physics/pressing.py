@@ -7,16 +7,19 @@ the stiffness grows with depth (see `secant_stiffness`).
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import MissingLibraryError
 from skinmap.geometry.triangles import unit
 from skinmap.physics.bodies import Mount, Piece, Presser
-from skinmap.physics.engine import import_mujoco
 from skinmap.physics.spring_bed import SpringBed
 
 STEP = 2e-3  # at most [s]
@@ -38,6 +41,34 @@ DAMPING = 0.006  # of a contact: force for speed, per stiffness [s]
 STEADY = 2.0
 STILL = 5e-5  # moment of inertia of every joint of a hand: lighter ones chatter [kg m2]
 LIGHT = 5e-3  # mass of a piece [kg]; what carries it holds it
+
+logger = logging.getLogger(__name__)
+
+LEAST = (4, 0)  # the first whose tactile sensor and direct contact stiffness were tested here
+
+
+def import_mujoco() -> ModuleType:
+    """The package `mujoco`.
+
+    Raises
+    ------
+    MissingLibraryError
+        Not installed, or older than `LEAST` (names the extra).
+    """
+    try:
+        mujoco = import_module("mujoco")
+    except ImportError as error:
+        raise MissingLibraryError(
+            "MuJoCo is not installed: pip install 'skinmap[mujoco]'"
+        ) from error
+    version = str(mujoco.__version__)
+    if tuple(int(one) for one in version.split(".")[:2]) < LEAST:
+        raise MissingLibraryError(
+            f"MuJoCo {version} is too old, 4.0 or later is needed: pip install 'skinmap[mujoco]'"
+        )
+    # By itself it writes warnings into a file of the current folder.
+    mujoco.set_mju_user_warning(logger.warning)
+    return mujoco
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -22,8 +22,7 @@ from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError,
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import rigid_fit, transform_points
 from skinmap.physics.bodies import PRESSERS, Presser
-from skinmap.physics.engine import import_mujoco
-from skinmap.physics.pressing import full_forces, pressers_xml, soften
+from skinmap.physics.pressing import full_forces, import_mujoco, pressers_xml, soften
 from skinmap.physics.variants import DEFAULT, VARIANTS
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
