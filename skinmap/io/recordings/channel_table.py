@@ -241,7 +241,7 @@ def read_table(path: Path) -> list[Recording]:
     """Read a CSV of channels over time.
 
     A header names the columns: the time, channels by a number in their name, and those that the
-    mapping calls label, event, person or session. Lines `# key = value` before it are a mapping.
+    mapping calls label, event, person or session. Lines that begin with `#` are left aside.
 
     Raises
     ------

@@ -399,7 +399,7 @@ def part_logs(path: Path) -> dict[str, PartLog] | None:
     path, suffix = whole(path), path.suffix.lower()
     if is_bag(path):
         return read_bag_parts(path)
-    if suffix in (".xdf", ".xdfz"):
+    if suffix == ".xdf":
         from skinmap.io.recordings.xdf import read_xdf_parts
 
         return read_xdf_parts(path)
@@ -416,7 +416,7 @@ def read_streams(path: Path, robot: Robot | None = None) -> RecordedStream | Non
     suffix = path.suffix.lower()
     if is_bag(path):
         return read_bag(path)
-    if suffix in (".xdf", ".xdfz"):
+    if suffix == ".xdf":
         from skinmap.io.recordings.xdf import read_xdf
 
         return read_xdf(path, robot=robot)
