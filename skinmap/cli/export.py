@@ -21,6 +21,7 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.errors import KINDS, DataFormatError, MissingFileError, OutputError, UnknownNameError
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
@@ -40,7 +41,6 @@ RERUN = "rrd"  # a file of a recording
 CONTACTS = "contacts"  # a table of a recording
 IMAGES = "images"  # a folder of pictures of a recording
 ENDINGS = {TOUCHED: (".csv",), RERUN: (".rrd",), CONTACTS: (".csv", ".parquet")}
-RECORDINGS = (".mcap", ".npz", ".xdf", ".log", ".db3")
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
 WRITTEN = (".mcap", *WRITERS)  # endings that only recordings are written in
 MCAP = ".mcap"
@@ -380,7 +380,7 @@ def _check_ending(output: Path, format: str) -> None:
 def _is_recording(path: Path) -> bool:
     from skinmap.io.ros2.bag import is_bag
 
-    known = path.suffix.lower() in RECORDINGS or (path / "data.log").exists()
+    known = path.suffix.lower() in KINDS["a recording"] or (path / "data.log").exists()
     return known or is_bag(path)
 
 
@@ -430,7 +430,6 @@ def export_model(robot: str, parts: tuple[str, ...], output: Path, _: Any) -> Ex
 
 def export_touched(source: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedTouched:
     """Write where the parts of a robot were touched in a recording, or in those of a folder."""
-    from skinmap.errors import MissingFileError
     from skinmap.io.output import staged_file
     from skinmap.live.sources.open_recording import open_recording
     from skinmap.live.touched_taxels import recordings_of, robot_of, touched_in
@@ -479,7 +478,6 @@ def export_images(source: str, parts: tuple[str, ...], output: Path, _: Any) -> 
     import numpy as np
 
     from skinmap.cli.collection import collect
-    from skinmap.errors import DataFormatError
     from skinmap.io.output import staged_folder
     from skinmap.io.recordings.image_files import LabelledImages, write_images
     from skinmap.touch.contacts.skin_geometry import pressed
@@ -596,7 +594,6 @@ def _named_recording(loop: TouchLoop, format: str, samples: int, output: Path) -
 
 def export_recording(path: Path, output: Path, format: str | None = None) -> ExportedRecording:
     """Write a recording as arrays, a data set, a bag, or an MCAP that is whole again."""
-    from skinmap.errors import UnknownNameError
     from skinmap.io.mcap.reading import write_repaired
     from skinmap.io.output import staged_file
     from skinmap.io.recordings import learning
@@ -606,7 +603,7 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
     suffix = output.suffix.lower()
     mends = path.suffix.lower() == MCAP and not mapping_of(path).is_file()
     if format is not None:
-        if suffix in (*RECORDINGS, *WRITERS):
+        if suffix in (*KINDS["a recording"], *WRITERS):
             name = output.name
             raise click.UsageError(f"{format} is a folder, {name!r} is the name of a file")
         track = open_track(path)
@@ -646,7 +643,6 @@ def _write_folder(track: RecordedStream, output: Path, format: str) -> None:
 
 
 def _check_new(folder: Path) -> None:
-    from skinmap.errors import OutputError
 
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise OutputError(f"{str(folder)!r} is there already; name a folder that is not")
@@ -726,7 +722,6 @@ def _with_map(table: TaxelTable, part: str) -> CySkin:
     """
     import numpy as np
 
-    from skinmap.errors import OutputError
     from skinmap.flat.flat_map import flatten
     from skinmap.io.taxels.cyskin import CySkin, ParentFrame, TactileMap, ids_of
     from skinmap.skin.skin import skin_from_table

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, UnknownNameError
+from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, check_known
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import rigid_fit, transform_points
 from skinmap.physics.bodies import PRESSERS, Presser
@@ -168,8 +168,7 @@ class RobotModel:
 
     def _mounts(self, name: str) -> list[int]:
         """Numbers of a presser's mounts, which run on from presser to presser."""
-        if name not in self.pressers:
-            raise UnknownNameError("presser", name, self.pressers)
+        check_known("presser", [name], self.pressers)
         owners = [own for own, one in self.pressers.items() for _ in one.mounts]
         return [row for row, own in enumerate(owners) if own == name]
 
@@ -303,8 +302,7 @@ def _parts(sensors: Sequence[str], robot: Robot, parts: Sequence[str] | None) ->
     """The parts that have a sensor, those asked for if any."""
     for name in parts or ():
         robot.part(name)
-        if name not in sensors:
-            raise UnknownNameError("tactile sensor", name, sensors)
+        check_known("tactile sensor", [name], sensors)
     found = tuple(name for name in parts or robot.parts if name in sensors)
     if not found:
         wanted = ", ".join(robot.parts)

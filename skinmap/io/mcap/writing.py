@@ -12,7 +12,8 @@ import json
 import os
 import time
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
@@ -515,8 +516,18 @@ class McapRecording:
         with self._disk():
             self._writer.add_message(self._ids[topic], stamp, content, sample)
 
-    def _disk(self) -> _Disk:
-        return _Disk(self.path)
+    @contextmanager
+    def _disk(self) -> Iterator[None]:
+        """Says which file the system refused to write, and why."""
+        try:
+            yield
+        except OutputError:
+            raise
+        except OSError as error:
+            raise OutputError(
+                f"cannot go on writing {str(self.path)!r}: {error.strerror}; the written "
+                f"part stays readable"
+            ) from None
 
 
 def mark_text(
@@ -544,23 +555,6 @@ def mark_text(
         content["answers"] = dict(one.answers)
     stamp = nanoseconds_of(began if ended is None else ended)
     return stamp, json.dumps(content, separators=(",", ":"))
-
-
-class _Disk:
-    """Says which file the system refused to write, and why."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, OSError) and not isinstance(error, OutputError):
-            raise OutputError(
-                f"cannot go on writing {str(self._path)!r}: {error.strerror}; the written "
-                f"part stays readable"
-            ) from None
 
 
 def table_of(skin: Skin) -> bytes:
