@@ -15,6 +15,7 @@ from types import ModuleType
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import MissingLibraryError
@@ -303,9 +304,10 @@ def _mount(mount: Mount, number: int, frame: FloatArray, step: float, motors: li
         for name, axis in (("rx", "1 0 0"), ("ry", "0 1 0"))
     )
     inner = _piece(mount.piece, f"{number}", number, step, motors)
+    turn_of = Rotation.from_matrix(frame[:3, :3])
     return (
         f'<body name="mount_{number}" gravcomp="1" pos="{_text(frame[:3, 3])}" '
-        f'quat="{_text(_quaternion(frame))}">'
+        f'quat="{_text(turn_of.as_quat(scalar_first=True))}">'
         f'{joints}<inertial pos="0 0 0" mass="{mass!r}" diaginertia="{_text([inertia] * 3)}"/>'
         f"{inner}</body>"
     )
@@ -340,12 +342,6 @@ def _piece(piece: Piece, name: str, number: int, step: float, motors: list[str])
         f'<inertial pos="0 0 0" mass="{LIGHT}" diaginertia="{_text([LIGHT * SIZE**2] * 3)}"/>'
         f"{flesh}{carried}</body>"
     )
-
-
-def _quaternion(frame: FloatArray) -> FloatArray:
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(frame[:3, :3]).as_quat(scalar_first=True))
 
 
 def _text(values: Any) -> str:

@@ -82,7 +82,8 @@ class RobotModel:
     ) -> None:
         self._mujoco = import_mujoco()
         spec = _read(self._mujoco, path)
-        sensors = [one.name for one in spec.sensors if _is_tactile(self._mujoco, one)]
+        tactile = self._mujoco.mjtSensor.mjSENS_TACTILE
+        sensors = [one.name for one in spec.sensors if one.type == tactile]
         self.parts = _parts(sensors, robot, parts)
         free = self._mujoco.mjtJoint.mjJNT_FREE
         self.own = any(joint.type == free for joint in spec.joints)
@@ -104,7 +105,8 @@ class RobotModel:
         self._steps = max(1, int(1.0 / (RATE * step) + 1e-9))
         self.rate = 1.0 / (self._steps * step)
         self._skins = [_Felt(self._mujoco, self.model, robot.skin(part)) for part in self.parts]
-        self._joints = [name for name in robot.body.joints if self._has_joint(name)]
+        kind, find = self._mujoco.mjtObj.mjOBJ_JOINT, self._mujoco.mj_name2id
+        self._joints = [one for one in robot.body.joints if find(self.model, kind, one) >= 0]
         self._mujoco.mj_forward(self.model, self.data)
 
     def sample(self, shares: FloatArray | None = None) -> list[FloatArray]:
@@ -223,10 +225,6 @@ class RobotModel:
                 found[weld] = found.get(weld, 0.0) + force
         return found
 
-    def _has_joint(self, name: str) -> bool:
-        joint = self._mujoco.mj_name2id(self.model, self._mujoco.mjtObj.mjOBJ_JOINT, name)
-        return bool(joint >= 0)
-
 
 class _Felt:
     """How one part feels: where its sensor's depths are, and the spread of its foam."""
@@ -294,15 +292,11 @@ def _read(mujoco: Any, path: Path) -> Any:
         raise DataFormatError(f"not a model that MuJoCo reads: {error}", path) from error
 
 
-def _is_tactile(mujoco: Any, sensor: Any) -> bool:
-    return bool(sensor.type == mujoco.mjtSensor.mjSENS_TACTILE)
-
-
 def _parts(sensors: Sequence[str], robot: Robot, parts: Sequence[str] | None) -> tuple[str, ...]:
     """The parts that have a sensor, those asked for if any."""
     for name in parts or ():
         robot.part(name)
-        check_known("tactile sensor", [name], sensors)
+    check_known("tactile sensor", parts or (), sensors)
     found = tuple(name for name in parts or robot.parts if name in sensors)
     if not found:
         wanted = ", ".join(robot.parts)
