@@ -96,7 +96,7 @@ KINDS = {
     "a manifest": (".toml",),
     "a URDF": (".urdf", ".xacro"),
     "a model": (".skinmodel",),
-    "a recording": (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3"),
+    "a recording": (".mcap", ".npz", ".xdf", ".log", ".db3"),
     "a table": (".csv", ".tsv"),
     "a mesh": (".stl", ".obj", ".ply", ".off", ".dae", ".glb", ".gltf"),
     "a picture": (".png", ".jpg", ".svg", ".pdf"),

@@ -32,7 +32,7 @@ from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 from viewer.results import LAYERS, DemoResult, ViewFiles, ViewPage, ViewWindow
 
-RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
+RECORDINGS = (".mcap", ".npz", ".xdf", ".log", ".db3")
 MOST_COUNTED = 20_000_000  # bytes of a recording that touches are counted in unasked
 ANYWHERE = "127.0.0.1:0"
 IN_VIEW_FILE = "write it in --view-file (docs/viewer.md)"

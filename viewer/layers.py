@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
-from skinmap.errors import SkinMismatchError, UnknownNameError
+from skinmap.errors import SkinMismatchError, UnknownNameError, check_known
 from skinmap.live.moment import Moment
 from skinmap.live.touched_taxels import Touched
 from skinmap.neighbours.offsets import concatenate
@@ -286,8 +286,7 @@ class Layers:
         return self._felt(part, self.moment)
 
     def _check(self, part: str) -> None:
-        if part not in self.skins:
-            raise UnknownNameError("part with skin here", part, self.skins)
+        check_known("part with skin here", [part], self.skins)
 
     def _worst_sd(self, part: str, covariance: ArrayLike) -> FloatArray:
         """(n,) predicted standard deviation of each position in its worst direction [mm]."""

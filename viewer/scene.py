@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import IntArray
 from skinmap.display import require_opengl
-from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError, check_known
 from skinmap.flat.flat_map import FlatMap
 from skinmap.io.output import staged_file
 from skinmap.live.contacts.named_touch import NamedTouch
@@ -144,9 +144,7 @@ class Scene:
         require_opengl(window=not how.off_screen)
         self.robot = robot
         shown = tuple(meshes) if parts is None else tuple(parts)
-        for part in shown:
-            if part not in meshes:
-                raise UnknownNameError("part with a surface mesh", part, meshes)
+        check_known("part with a surface mesh", shown, meshes)
         self.angles: Mapping[str, float] = dict(angles or {})
         self.poses = posed(robot, self.angles)
         self.layers: dict[str, SkinLayer] = {part: build_layer(meshes[part]) for part in shown}
@@ -448,8 +446,7 @@ def check_part(part: str, layers: Mapping[str, SkinLayer]) -> SkinLayer:
     UnknownNameError
         No such part.
     """
-    if part not in layers:
-        raise UnknownNameError("part in this scene", part, layers)
+    check_known("part in this scene", [part], layers)
     return layers[part]
 
 

@@ -24,7 +24,7 @@ from skinmap.neighbours.offsets import (
 )
 from skinmap.neighbours.structures import RADIUS, Structures, find_structures
 from skinmap.skin.layouts import module_layout
-from skinmap.skin.sheets import taxel_table, triangle_sheet
+from skinmap.skin.modules import taxel_table, triangle_sheet
 from skinmap.touch.prepared_skin import PreparedSkin
 
 REPEATS = 3

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole, freeze
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, check_known
 from skinmap.geometry.rigid import check_transform, rigid_transform, rpy_matrix
 from skinmap.skin.joints import ancestors, check_link
 from skinmap.skin.robot import Robot
@@ -367,8 +367,7 @@ def robot_chain(
 
 
 def _check_joint(robot: Robot, joint: str) -> None:
-    if joint not in robot.body.joints:
-        raise UnknownNameError("joint", joint, robot.body.joints)
+    check_known("joint", [joint], robot.body.joints)
 
 
 def joint_columns(robot: Robot, joint_names: Sequence[str]) -> dict[str, int]:

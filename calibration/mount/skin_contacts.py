@@ -39,7 +39,7 @@ from calibration.mount.chain_fit import (
 from calibration.mount.chains import Chain, TouchRecording
 from calibration.mount.rigid_mount import point_covariance
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, check_known
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import transform_points
 from skinmap.summary import Summary, listed, millimetres
@@ -363,9 +363,8 @@ def _check_all(
     if not calibrate:
         raise InvalidArrayError("no chain to calibrate")
     touched = {name for one in recordings for name in one.chains}
+    check_known("chain", calibrate, chains)
     for name in calibrate:
-        if name not in chains:
-            raise UnknownNameError("chain", name, chains)
         if chains[name].is_probe:
             raise InvalidArrayError(f"{name!r} is a probe: its tip is always found")
         if name not in touched:
@@ -390,8 +389,7 @@ def _check(recording: TouchRecording, chains: Mapping[str, Chain]) -> TouchRecor
     """The recording without events that name no taxel on one of the sides."""
     keep = np.ones(len(recording), np.bool_)
     for name, touched in zip(recording.chains, recording.touched, strict=True):
-        if name not in chains:
-            raise UnknownNameError(f"chain (recording {recording.name!r})", name, chains)
+        check_known(f"chain (recording {recording.name!r})", [name], chains)
         joints = chains[name].joints
         if len(joints) and joints.max() >= recording.angles.shape[1]:
             raise InvalidArrayError(

@@ -27,7 +27,7 @@ from calibration.plane.solve import (
     solve,
 )
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, check_known
 from skinmap.geometry.rigid import transform_points
 from skinmap.summary import Summary, listed
 
@@ -208,9 +208,7 @@ def _checked(
     if not (np.isfinite(joint_sigma) and joint_sigma > 0):
         raise InvalidArrayError(f"joint_sigma must be above 0 rad, got {joint_sigma}")
     chains = {one.name: one for one in patches}
-    for name in contacts.active:
-        if name not in chains:
-            raise UnknownNameError("patch", name, chains)
+    check_known("patch", contacts.active, chains)
     surfaces = int(contacts.surface.max(initial=0)) + 1
     missing = np.setdiff1d(np.arange(surfaces), contacts.surface)
     if len(contacts) and len(missing):

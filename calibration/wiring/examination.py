@@ -31,7 +31,7 @@ from calibration.wiring.touches import (
     without_spikes,
 )
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, UnknownNameError
+from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, check_known
 from skinmap.geometry.proximity import nearest_first
 from skinmap.skin.robot import Robot
 
@@ -259,8 +259,7 @@ def examine_recording(
 
     track = open_track(path, robot=robot)
     for part in parts:
-        if part not in track.parts:
-            raise UnknownNameError(f"part in {path}", part, track.parts)
+        check_known(f"part in {path}", [part], track.parts)
     there = tuple(parts) or track.parts
     info = track.info
     for part in there:

@@ -17,7 +17,7 @@ from calibration.response.response import FREE
 from calibration.wiring.answer_model import THRESHOLD
 from calibration.wiring.boards import Boards
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, check_known
 from skinmap.soundness.channel_faults import channel_faults
 from skinmap.soundness.finding import Finding, finding, spans_of
 from skinmap.soundness.survey import survey
@@ -63,8 +63,7 @@ class Touch:
     samples: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        if self.how not in HOWS:
-            raise UnknownNameError("kind of touch", self.how, HOWS)
+        check_known("kind of touch", [self.how], HOWS)
         response = check_finite(self.response, "response", (None,))
         arrival = check_finite(self.arrival, "arrival", (len(response),))
         path = check_finite(self.path, "path", (None, 3))

@@ -21,6 +21,7 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.progress import progress
 from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.errors import KINDS, DataFormatError, MissingFileError, OutputError, UnknownNameError
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
@@ -30,17 +31,13 @@ if TYPE_CHECKING:
     from skinmap.live.sources.playback import MarkedSpan
     from skinmap.skin.taxels import TaxelTable
 
-FORMATS: dict[str, tuple[str, ...]] = {  # of taxels, with the endings of their files
-    "csv": (".csv",), "icub": (".txt",), "urdf": (".urdf", ".xml"), "cyskin": (".json",),
-    "mjcf": (".xml",),
-}  # fmt: skip
+TAXELS = ("csv", "icub", "urdf", "cyskin", "mjcf")
 FOLDERS = ("lerobot", "rosbag2")  # of a recording
-TOUCHED = "touched"  # a table of recordings
-RERUN = "rrd"  # a file of a recording
-CONTACTS = "contacts"  # a table of a recording
-IMAGES = "images"  # a folder of pictures of a recording
-ENDINGS = {TOUCHED: (".csv",), RERUN: (".rrd",), CONTACTS: (".csv", ".parquet")}
-RECORDINGS = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
+NAMED = ("contacts", "rrd")  # of a recording whose touches a model names
+ENDINGS = {  # of the files of a format
+    "csv": (".csv",), "icub": (".txt",), "urdf": (".urdf", ".xml"), "cyskin": (".json",),
+    "mjcf": (".xml",), "touched": (".csv",), "rrd": (".rrd",), "contacts": (".csv", ".parquet"),
+}  # fmt: skip
 WRITERS = {".h5": "write_hdf5", ".hdf5": "write_hdf5", ".npz": "write_npz"}
 WRITTEN = (".mcap", *WRITERS)  # endings that only recordings are written in
 MCAP = ".mcap"
@@ -286,20 +283,22 @@ Exported = ExportedTaxels | ExportedModel | ExportedRecording | ExportedTouched 
 @robot_argument
 @part_option
 @click.option(
-    "--format", "format", type=click.Choice([*FORMATS, *FOLDERS, CONTACTS, IMAGES, RERUN, TOUCHED]),
+    "--format", "format",
+    type=click.Choice([*TAXELS, *FOLDERS, *NAMED, "images", "touched"]),
     help="Format of the output.  [default: csv for taxels]",
 )  # fmt: skip
 @out_file("File to write, or folder of a format.", required=True, folder=True)
-@click.option("--unrepaired", is_flag=True, help="Write the taxels as their file has them.")
 @calibration_option
-@retired(profile=NO_PROFILE, read_as="write FORMAT:FILE instead of FILE")
+@retired(
+    unrepaired="name the file of the taxels instead of the robot", profile=NO_PROFILE,
+    read_as="write FORMAT:FILE instead of FILE",
+)  # fmt: skip
 @prints(*get_args(Exported))
 def command(
     robot: str,
     parts: tuple[str, ...],
     format: str | None,
     output: Path,
-    unrepaired: bool,
     calibrations: tuple[str, ...],
     as_json: bool,
 ) -> None:
@@ -339,38 +338,34 @@ def command(
     Example:  skinmap export touch.mcap --format contacts -o contacts.csv
     Example:  skinmap export recordings --format touched -o touched.csv
     """
-    if calibrations and format not in (TOUCHED, IMAGES, CONTACTS):
+    if calibrations and format not in ("touched", "images", "contacts"):
         raise click.UsageError("--calibration needs --format contacts")
     from skinmap.io.recordings.touch_files import is_foreign
 
-    written = format in (RERUN, CONTACTS, *FOLDERS) or output.suffix.lower() in WRITTEN
+    written = format in (*NAMED, *FOLDERS) or output.suffix.lower() in WRITTEN
     recorded = _is_recording(Path(robot)) or (written and is_foreign(Path(robot)))
-    if format in (RERUN, CONTACTS, *FOLDERS) and not recorded:
+    if format in (*NAMED, *FOLDERS) and not recorded:
         raise click.UsageError(f"{format} is for recordings, and {robot} is not one")
     result: Exported
-    if recorded and format not in (TOUCHED, IMAGES, RERUN, CONTACTS):
-        if format in FORMATS or parts or unrepaired:
+    if recorded and (format not in EXPORTS or format in TAXELS):
+        if format in TAXELS or parts:
             raise click.UsageError(
                 f"a recording is written whole, in the format that -o ends in, or with --format "
                 f"{', '.join(FOLDERS)}"
             )
         result = export_recording(Path(robot), output, format)
     elif format in EXPORTS:
-        if unrepaired:
-            raise click.UsageError(
-                f"{format} is of a whole robot or recording; leave out --unrepaired"
-            )
-        if format != IMAGES:
+        if format != "images":
             _check_ending(output, format)
         result = EXPORTS[format](robot, parts, output, calibrations)
     else:
-        result = export_taxels(robot, parts, output, format or "csv", unrepaired=unrepaired)
+        result = export_taxels(robot, parts, output, format or "csv")
     present(result, _lines, as_json=as_json)
 
 
 def _check_ending(output: Path, format: str) -> None:
     """Refuse a name that would pass a file off as something else, such as a recording."""
-    endings = ENDINGS.get(format) or FORMATS[format]
+    endings = ENDINGS[format]
     if output.suffix.lower() not in endings:
         raise click.UsageError(
             f"{format} is written to files ending in {' or '.join(endings)}, got {output.name!r}"
@@ -380,17 +375,15 @@ def _check_ending(output: Path, format: str) -> None:
 def _is_recording(path: Path) -> bool:
     from skinmap.io.ros2.bag import is_bag
 
-    known = path.suffix.lower() in RECORDINGS or (path / "data.log").exists()
+    known = path.suffix.lower() in KINDS["a recording"] or (path / "data.log").exists()
     return known or is_bag(path)
 
 
-def export_taxels(
-    source: str, parts: tuple[str, ...], output: Path, format: str, *, unrepaired: bool
-) -> ExportedTaxels:
+def export_taxels(source: str, parts: tuple[str, ...], output: Path, format: str) -> ExportedTaxels:
     """Write the taxels of a part, or of a bare table."""
     from skinmap.io.output import staged_file
 
-    robot, part, table = _table(source, parts, unrepaired)
+    robot, part, table = _table(source, parts)
     _check_ending(output, format)
     with staged_file(output) as stage:
         _write(table, stage, format, robot, part)
@@ -430,7 +423,6 @@ def export_model(robot: str, parts: tuple[str, ...], output: Path, _: Any) -> Ex
 
 def export_touched(source: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedTouched:
     """Write where the parts of a robot were touched in a recording, or in those of a folder."""
-    from skinmap.errors import MissingFileError
     from skinmap.io.output import staged_file
     from skinmap.live.sources.open_recording import open_recording
     from skinmap.live.touched_taxels import recordings_of, robot_of, touched_in
@@ -479,7 +471,6 @@ def export_images(source: str, parts: tuple[str, ...], output: Path, _: Any) -> 
     import numpy as np
 
     from skinmap.cli.collection import collect
-    from skinmap.errors import DataFormatError
     from skinmap.io.output import staged_folder
     from skinmap.io.recordings.image_files import LabelledImages, write_images
     from skinmap.touch.contacts.skin_geometry import pressed
@@ -561,7 +552,7 @@ def export_rerun(source: str, parts: tuple[str, ...], output: Path, _: Any) -> E
     with _naming(path, parts) as (loop, marked), staged_file(output) as stage:
         skins = {part: one.skin for part, one in loop.skins.items()}
         samples = write_rerun(loop, loop.robot, skins, stage, name=path.name, marked=marked)
-    return _named_recording(loop, RERUN, samples, output)
+    return _named_recording(loop, "rrd", samples, output)
 
 
 def export_contacts(
@@ -578,7 +569,7 @@ def export_contacts(
     named = _naming(Path(source), parts, calibrations)
     with named as (loop, marked), staged_file(output) as stage:
         write_contacts(loop, loop.robot, stage, parquet=parquet, marked=marked)
-    return _named_recording(loop, CONTACTS, loop.counts.used, output)
+    return _named_recording(loop, "contacts", loop.counts.used, output)
 
 
 def _named_recording(loop: TouchLoop, format: str, samples: int, output: Path) -> ExportedRecording:
@@ -596,7 +587,6 @@ def _named_recording(loop: TouchLoop, format: str, samples: int, output: Path) -
 
 def export_recording(path: Path, output: Path, format: str | None = None) -> ExportedRecording:
     """Write a recording as arrays, a data set, a bag, or an MCAP that is whole again."""
-    from skinmap.errors import UnknownNameError
     from skinmap.io.mcap.reading import write_repaired
     from skinmap.io.output import staged_file
     from skinmap.io.recordings import learning
@@ -606,7 +596,7 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
     suffix = output.suffix.lower()
     mends = path.suffix.lower() == MCAP and not mapping_of(path).is_file()
     if format is not None:
-        if suffix in (*RECORDINGS, *WRITERS):
+        if suffix in (*KINDS["a recording"], *WRITERS):
             name = output.name
             raise click.UsageError(f"{format} is a folder, {name!r} is the name of a file")
         track = open_track(path)
@@ -646,15 +636,14 @@ def _write_folder(track: RecordedStream, output: Path, format: str) -> None:
 
 
 def _check_new(folder: Path) -> None:
-    from skinmap.errors import OutputError
 
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise OutputError(f"{str(folder)!r} is there already; name a folder that is not")
 
 
 EXPORTS: dict[str, Callable[..., Exported]] = {
-    TOUCHED: export_touched, IMAGES: export_images, RERUN: export_rerun,
-    CONTACTS: export_contacts, "mjcf": export_model,
+    "touched": export_touched, "images": export_images, "rrd": export_rerun,
+    "contacts": export_contacts, "mjcf": export_model,
 }  # fmt: skip
 
 
@@ -687,7 +676,7 @@ def _lines(result: Exported) -> Iterator[str]:
         yield f"{result.samples} samples of {result.kind} values, {channels} channels"
 
 
-def _table(robot: str, parts: tuple[str, ...], unrepaired: bool) -> tuple[str, str, TaxelTable]:
+def _table(robot: str, parts: tuple[str, ...]) -> tuple[str, str, TaxelTable]:
     """Names of the robot and the part, and the taxels."""
     from skinmap.io.taxels.taxel_table import SUFFIXES, read_taxels, readers
 
@@ -704,9 +693,6 @@ def _table(robot: str, parts: tuple[str, ...], unrepaired: bool) -> tuple[str, s
         raise click.UsageError(f"a file holds one part, --part chooses it: {', '.join(names)}")
     (name,) = names
     link = loaded.part(name).link
-    if unrepaired:
-        read = loaded.part(name).read()
-        return loaded.name, name, dataclasses.replace(read, link=read.link or link)
     skin = loaded.skin(name)
     table = dataclasses.replace(
         loaded.repair(name).table, positions=skin.positions, normals=skin.normals, link=link
@@ -726,7 +712,6 @@ def _with_map(table: TaxelTable, part: str) -> CySkin:
     """
     import numpy as np
 
-    from skinmap.errors import OutputError
     from skinmap.flat.flat_map import flatten
     from skinmap.io.taxels.cyskin import CySkin, ParentFrame, TactileMap, ids_of
     from skinmap.skin.skin import skin_from_table
@@ -745,19 +730,18 @@ def _with_map(table: TaxelTable, part: str) -> CySkin:
 
 
 def _write(table: TaxelTable, path: Path, format: str, robot: str, part: str) -> None:
-    from skinmap.io.taxels import taxel_export
-    from skinmap.io.taxels.icub import CHANNELS_PER_MODULE
+    from skinmap.io.taxels import icub, tactile_urdf
     from skinmap.io.taxels.taxel_table import write_csv
 
     if format == "urdf":
-        taxel_export.write_tactile_urdf({part: table}, path, robot=robot)
+        tactile_urdf.write_tactile_urdf({part: table}, path, robot=robot)
     elif format == "cyskin":
         from skinmap.io.taxels.cyskin import write_cyskin
 
         write_cyskin(_with_map(table, part), path)
     elif format == "icub":
         if not table.modules.any():  # a file that names none
-            table = dataclasses.replace(table, modules=table.channels // CHANNELS_PER_MODULE)
-        taxel_export.write_icub(table, path, name=table.link or "_".join(part.split()))
+            table = dataclasses.replace(table, modules=table.channels // icub.CHANNELS_PER_MODULE)
+        icub.write_icub(table, path, name=table.link or "_".join(part.split()))
     else:
         write_csv(table, path)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, freeze
-from skinmap.errors import UnknownNameError
+from skinmap.errors import check_known
 from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.flat_map import Chart, FlatMap
 from skinmap.geometry.topology import border_edges
@@ -94,8 +94,7 @@ def face_metric(name: str) -> FaceMetric:
     >>> face_metric("area").signed
     True
     """
-    if name not in METRICS:
-        raise UnknownNameError("metric", name, METRICS)
+    check_known("metric", [name], METRICS)
     return METRICS[name]
 
 

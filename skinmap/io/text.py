@@ -8,7 +8,7 @@ import math
 import re
 import stat
 import tomllib
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -132,6 +132,11 @@ def parse_floats(words: Sequence[str], path: Path, line: int | None) -> list[flo
         if not math.isfinite(value):
             raise DataFormatError(f"expected a finite number, got {_shown(word)}", path, line)
     return values
+
+
+def digits(values: Iterable[float]) -> str:
+    """Numbers of one line: the shortest digits that give the same bits back."""
+    return " ".join(repr(float(value)) for value in values)
 
 
 def parse_whole(

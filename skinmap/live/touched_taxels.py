@@ -27,7 +27,7 @@ BRIDGE = 0.1  # a taxel that is not touched for longer is touched anew [s], as c
 LEARN = 10.0  # as long as it may take to know that a taxel is stuck [s]
 LONGEST = 0.2  # that a sample stands for: what comes later comes after a gap [s]
 LEAST = 2  # samples of a touch: one alone is a spike
-SUFFIXES = (".mcap", ".npz", ".xdf", ".xdfz", ".log", ".db3")
+SUFFIXES = (".mcap", ".npz", ".xdf", ".log", ".db3")
 COLUMNS = "part,channel,count,dwell_s,largest,last_s,recording"
 
 

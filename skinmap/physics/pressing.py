@@ -7,16 +7,20 @@ the stiffness grows with depth (see `secant_stiffness`).
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib import import_module
+from types import ModuleType
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import MissingLibraryError
 from skinmap.geometry.triangles import unit
 from skinmap.physics.bodies import Mount, Piece, Presser
-from skinmap.physics.engine import import_mujoco
 from skinmap.physics.spring_bed import SpringBed
 
 STEP = 2e-3  # at most [s]
@@ -38,6 +42,34 @@ DAMPING = 0.006  # of a contact: force for speed, per stiffness [s]
 STEADY = 2.0
 STILL = 5e-5  # moment of inertia of every joint of a hand: lighter ones chatter [kg m2]
 LIGHT = 5e-3  # mass of a piece [kg]; what carries it holds it
+
+logger = logging.getLogger(__name__)
+
+LEAST = (4, 0)  # the first whose tactile sensor and direct contact stiffness were tested here
+
+
+def import_mujoco() -> ModuleType:
+    """The package `mujoco`.
+
+    Raises
+    ------
+    MissingLibraryError
+        Not installed, or older than `LEAST` (names the extra).
+    """
+    try:
+        mujoco = import_module("mujoco")
+    except ImportError as error:
+        raise MissingLibraryError(
+            "MuJoCo is not installed: pip install 'skinmap[mujoco]'"
+        ) from error
+    version = str(mujoco.__version__)
+    if tuple(int(one) for one in version.split(".")[:2]) < LEAST:
+        raise MissingLibraryError(
+            f"MuJoCo {version} is too old, 4.0 or later is needed: pip install 'skinmap[mujoco]'"
+        )
+    # By itself it writes warnings into a file of the current folder.
+    mujoco.set_mju_user_warning(logger.warning)
+    return mujoco
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -272,9 +304,10 @@ def _mount(mount: Mount, number: int, frame: FloatArray, step: float, motors: li
         for name, axis in (("rx", "1 0 0"), ("ry", "0 1 0"))
     )
     inner = _piece(mount.piece, f"{number}", number, step, motors)
+    turn_of = Rotation.from_matrix(frame[:3, :3])
     return (
         f'<body name="mount_{number}" gravcomp="1" pos="{_text(frame[:3, 3])}" '
-        f'quat="{_text(_quaternion(frame))}">'
+        f'quat="{_text(turn_of.as_quat(scalar_first=True))}">'
         f'{joints}<inertial pos="0 0 0" mass="{mass!r}" diaginertia="{_text([inertia] * 3)}"/>'
         f"{inner}</body>"
     )
@@ -309,12 +342,6 @@ def _piece(piece: Piece, name: str, number: int, step: float, motors: list[str])
         f'<inertial pos="0 0 0" mass="{LIGHT}" diaginertia="{_text([LIGHT * SIZE**2] * 3)}"/>'
         f"{flesh}{carried}</body>"
     )
-
-
-def _quaternion(frame: FloatArray) -> FloatArray:
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(frame[:3, :3]).as_quat(scalar_first=True))
 
 
 def _text(values: Any) -> str:

@@ -18,12 +18,11 @@ from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, UnknownNameError
+from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, check_known
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import rigid_fit, transform_points
 from skinmap.physics.bodies import PRESSERS, Presser
-from skinmap.physics.engine import import_mujoco
-from skinmap.physics.pressing import full_forces, pressers_xml, soften
+from skinmap.physics.pressing import full_forces, import_mujoco, pressers_xml, soften
 from skinmap.physics.variants import DEFAULT, VARIANTS
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
@@ -83,7 +82,8 @@ class RobotModel:
     ) -> None:
         self._mujoco = import_mujoco()
         spec = _read(self._mujoco, path)
-        sensors = [one.name for one in spec.sensors if _is_tactile(self._mujoco, one)]
+        tactile = self._mujoco.mjtSensor.mjSENS_TACTILE
+        sensors = [one.name for one in spec.sensors if one.type == tactile]
         self.parts = _parts(sensors, robot, parts)
         free = self._mujoco.mjtJoint.mjJNT_FREE
         self.own = any(joint.type == free for joint in spec.joints)
@@ -105,7 +105,8 @@ class RobotModel:
         self._steps = max(1, int(1.0 / (RATE * step) + 1e-9))
         self.rate = 1.0 / (self._steps * step)
         self._skins = [_Felt(self._mujoco, self.model, robot.skin(part)) for part in self.parts]
-        self._joints = [name for name in robot.body.joints if self._has_joint(name)]
+        kind, find = self._mujoco.mjtObj.mjOBJ_JOINT, self._mujoco.mj_name2id
+        self._joints = [one for one in robot.body.joints if find(self.model, kind, one) >= 0]
         self._mujoco.mj_forward(self.model, self.data)
 
     def sample(self, shares: FloatArray | None = None) -> list[FloatArray]:
@@ -169,8 +170,7 @@ class RobotModel:
 
     def _mounts(self, name: str) -> list[int]:
         """Numbers of a presser's mounts, which run on from presser to presser."""
-        if name not in self.pressers:
-            raise UnknownNameError("presser", name, self.pressers)
+        check_known("presser", [name], self.pressers)
         owners = [own for own, one in self.pressers.items() for _ in one.mounts]
         return [row for row, own in enumerate(owners) if own == name]
 
@@ -224,10 +224,6 @@ class RobotModel:
             for weld in welds:
                 found[weld] = found.get(weld, 0.0) + force
         return found
-
-    def _has_joint(self, name: str) -> bool:
-        joint = self._mujoco.mj_name2id(self.model, self._mujoco.mjtObj.mjOBJ_JOINT, name)
-        return bool(joint >= 0)
 
 
 class _Felt:
@@ -296,16 +292,11 @@ def _read(mujoco: Any, path: Path) -> Any:
         raise DataFormatError(f"not a model that MuJoCo reads: {error}", path) from error
 
 
-def _is_tactile(mujoco: Any, sensor: Any) -> bool:
-    return bool(sensor.type == mujoco.mjtSensor.mjSENS_TACTILE)
-
-
 def _parts(sensors: Sequence[str], robot: Robot, parts: Sequence[str] | None) -> tuple[str, ...]:
     """The parts that have a sensor, those asked for if any."""
     for name in parts or ():
         robot.part(name)
-        if name not in sensors:
-            raise UnknownNameError("tactile sensor", name, sensors)
+    check_known("tactile sensor", parts or (), sensors)
     found = tuple(name for name in parts or robot.parts if name in sensors)
     if not found:
         wanted = ", ".join(robot.parts)

@@ -12,22 +12,32 @@ from scipy.spatial import cKDTree
 from skinmap.arrays import FloatArray
 from skinmap.errors import UnknownNameError
 from skinmap.geometry.log_maps import log_map
+from skinmap.geometry.point_surface import PointSurface
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.physics.bodies import PRESSERS, Presser
-from skinmap.physics.engine import import_mujoco
-from skinmap.physics.pressing import STEP, Pressed, mount_frame, press
+from skinmap.physics.pressing import STEP, Pressed, import_mujoco, mount_frame, press
 from skinmap.physics.spring_bed import SpringBed, spring_bed
-from skinmap.physics.touches_in_time import person as as_subject
-from skinmap.physics.touches_in_time import press_in_time
 from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
 from skinmap.skin.skin import Skin
 from skinmap.touch.recording import Recording
+from skinmap.touch.simulation import moving_touches
 from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN, TIME
-from skinmap.touch.simulation.hands import OBLIQUE
+from skinmap.touch.simulation.hands import OBLIQUE, Draw
+from skinmap.touch.simulation.moving_touches import Laid, lay
 from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
 from skinmap.touch.simulation.simulator import Plays
-from skinmap.touch.simulation.variety import ALL_HANDS, HAND, LEANS, beyond, happens, on_skin_of
+from skinmap.touch.simulation.time_gestures import TIME_GESTURES, Timing
+from skinmap.touch.simulation.variety import (
+    ALL_HANDS,
+    HABITS,
+    HAND,
+    LEANS,
+    Subject,
+    beyond,
+    happens,
+    on_skin_of,
+)
 
 FOUR = tuple(PRESSERS)[:4]
 SUBJECTS = 10
@@ -37,7 +47,20 @@ AROUND = 5  # taxels whose normals an arm comes in along
 LIFT = 0.06  # time in which a presser leaves the skin [s]
 FURTHER = 0.25  # spread of forces more at a variety of 2, as a logarithm
 TREMOR = 0.04  # of the force, standard deviation of its share
+TRIES_IN_TIME = 20
 FULL_PRESSURE = 160.0 / FULL_SCALE  # load that a variant's `full_scale` stands for
+# What each gesture is made with, one drawn; the second of a squeeze is its other side.
+HANDS: dict[str, tuple[str, ...]] = {
+    "stroke": ("poke", "three_finger", "full_finger"),
+    "rub": ("poke", "three_finger", "full_finger"),
+    "pat": ("whole_hand", "full_finger"),
+    "tap": ("poke",),
+    "slide": ("edge",),
+    "twist": ("three_finger", "full_finger"),
+    "squeeze": ("poke",),
+    "hold": ("whole_hand", "full_finger", "three_finger", "poke"),
+}
+RISE, REST = 0.05, 0.07  # an arm pushes as hard as it will within the first, and rests [s]
 
 
 @dataclass(frozen=True, slots=True)
@@ -286,6 +309,86 @@ def presser_axes(skin: Skin, taxel: int, angle: float) -> FloatArray:
     return np.asarray(np.array([[s, -c], [c, s]]) @ tangent_frames(skin.normals[taxel]))
 
 
+@dataclass(frozen=True, eq=False, slots=True)
+class Poses:
+    """Contact forces (k,) [N] and their places (k, 3) [m] in the poses of a touch."""
+
+    forces: FloatArray
+    centres: FloatArray
+
+
+def press_in_time(
+    name: str, ground: Ground, person: Person, *, rate: float, rng: np.random.Generator
+) -> tuple[Laid, Poses] | None:
+    """A touch in time at a place drawn at random, and its forces; None where it does not fit.
+
+    Quasi-static: in every pose the presser is pushed at the springs until it rests, and in between
+    the loads are mixed. So foam and flesh are MuJoCo's, and nothing slips, drags or swings.
+    """
+    bed, variant = ground.bed, ground.variant
+    subject = Subject(person.number, person.hand, 1.0, person.pace, int(rng.integers(HABITS)))
+    surface = PointSurface(bed.skin.positions, bed.skin.normals, bed.spacing)
+    laid_on = moving_touches.Ground(bed.skin, bed.graph, surface)
+    timing = Timing(rate, rng, subject)
+    for _ in range(TRIES_IN_TIME):
+        gesture = TIME_GESTURES[name](Draw(rng, 1.0, subject.hand), timing)
+        kinds = HANDS[name]
+        presser = PRESSERS[kinds[int(rng.integers(len(kinds)))]](rng, subject.hand, variant)
+        first = 0.5 * np.pi + float(rng.uniform(-0.6, 0.6)) if name == "slide" else 0.0
+        forces: list[float] = []
+        centres: list[FloatArray] = []
+
+        def push(
+            spot: FloatArray,
+            heading: FloatArray,
+            angle: float,
+            other: bool,
+            presser: Presser = presser,
+            turn: float = first,
+            forces: list[float] = forces,
+            centres: list[FloatArray] = centres,
+        ) -> FloatArray:
+            del other  # thumb and finger alike
+            frames = _frames(surface, presser, spot, heading, angle + turn)
+            made = press(
+                bed, presser, frames, foam=ground.foam, flesh=person.flesh,
+                course=_push(len(frames)), friction=variant.friction,
+            )  # fmt: skip
+            forces.append(float(made.forces[-1]))
+            centres.append(np.nan_to_num(made.centres[-1]))
+            return np.asarray(ground.feel[:, made.springs] @ made.loads[-1])
+
+        laid = lay(laid_on, gesture, push, subject.hand, rng=rng)
+        if laid is not None:
+            if gesture.other:  # both sides of a grip are one pose
+                forces, centres = [sum(forces[-2:])], [np.mean(centres[-2:], axis=0)]
+            return laid, Poses(np.array(forces), np.array(centres))
+    return None
+
+
+def _push(mounts: int) -> FloatArray:
+    time = STEP * np.arange(round((RISE + REST) / STEP))
+    return np.repeat(np.minimum(time / RISE, 1.0)[:, None], mounts, axis=1)
+
+
+def _frames(
+    surface: PointSurface, presser: Presser, spot: FloatArray, heading: FloatArray, angle: float
+) -> FloatArray:
+    """(m, 4, 4) where each mount pushes from: its spot in the plane, on the skin."""
+    place, normal, _ = surface.project(spot)
+    ahead = unit(heading - (heading @ normal) * normal)
+    side = np.cross(normal, ahead)
+    c, s = np.cos(angle), np.sin(angle)
+    ahead, side = c * ahead + s * side, c * side - s * ahead
+    middle = np.mean([mount.spot for mount in presser.mounts], axis=0)
+    frames = []
+    for mount in presser.mounts:
+        x, y = np.array(mount.spot) - (middle if len(presser.mounts) > 1 else 0.0)
+        at, up, _ = surface.project(place + x * ahead + y * side)
+        frames.append(mount_frame(at, up, ahead))
+    return np.array(frames)
+
+
 def _log_uniform(rng: np.random.Generator, between: Range) -> float:
     return float(np.exp(rng.uniform(*np.log(between))))
 
@@ -301,12 +404,8 @@ class _Player(Plays):
 
     def touch_in_time(self, name: str, person: Person) -> bool:
         """A touch that goes on in time; whether there was a place for it."""
-        ground, rng = self._ground, self.rng
-        subject = as_subject(person.number, person.hand, person.pace, rng)
-        made = press_in_time(
-            name, ground.bed, ground.feel, ground.foam, person.flesh, ground.variant, subject,
-            rate=self.rate, rng=rng,
-        )  # fmt: skip
+        rng = self.rng
+        made = press_in_time(name, self._ground, person, rate=self.rate, rng=rng)
         if made is None:
             return False
         laid, poses = made

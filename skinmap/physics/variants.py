@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 
-from skinmap.errors import UnknownNameError
+from skinmap.errors import check_known
 
 Range = tuple[float, float]
 
@@ -89,8 +89,7 @@ def find_variant(name: str) -> Variant:
     UnknownNameError
         Says which there are.
     """
-    if name not in VARIANTS:
-        raise UnknownNameError("physics variant", name, VARIANTS)
+    check_known("physics variant", [name], VARIANTS)
     return VARIANTS[name]
 
 

@@ -16,7 +16,6 @@ from scipy.spatial.transform import Rotation
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.geometry.proximity import closest_on_mesh, nearest
-from skinmap.geometry.rigid import transform_points
 from skinmap.geometry.triangles import TriangleMesh, face_normals
 from skinmap.skin.normals import hidden_views
 from skinmap.skin.skin import Skin
@@ -162,29 +161,14 @@ class RigidFit:
         Carries the points as they are to where they fit.
     before, after : (n,) float
         Distances to the mesh [m].
-    middle : (3,) float
-        Of the points as they are [m].
+    shift : float
+        How far it moves the middle of the points [m].
     """
 
     T_fit_now: FloatArray
     before: FloatArray
     after: FloatArray
-    middle: FloatArray
-
-    def __post_init__(self) -> None:
-        freeze(self, T_fit_now=self.T_fit_now, before=self.before, after=self.after)
-        freeze(self, middle=self.middle)
-
-    @property
-    def shift(self) -> float:
-        """How far the fit moves the middle of the points [m]."""
-        moved = transform_points(self.T_fit_now, self.middle[None])[0]
-        return float(np.linalg.norm(moved - self.middle))
-
-    @property
-    def angle(self) -> float:
-        """How far it turns [rad]."""
-        return float(Rotation.from_matrix(self.T_fit_now[:3, :3]).magnitude())
+    shift: float
 
 
 def fit_to_mesh(points: FloatArray, vertices: FloatArray, faces: IntArray) -> RigidFit:
@@ -217,4 +201,4 @@ def fit_to_mesh(points: FloatArray, vertices: FloatArray, faces: IntArray) -> Ri
     transform = np.eye(4)
     transform[:3, :3] = rotation
     transform[:3, 3] = centre + shift - rotation @ centre
-    return RigidFit(transform, before, after, centre)
+    return RigidFit(transform, before, after, float(np.linalg.norm(shift)))

@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 
 from skinmap.arrays import FloatArray, check_finite, freeze
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, check_known
 from skinmap.geometry.rigid import check_transform
 
 Kind = Literal["fixed", "turns", "slides"]
@@ -102,6 +102,5 @@ def check_link(links: Sequence[str], link: str) -> str:
     UnknownNameError
         It has not (names those that exist).
     """
-    if link not in links:
-        raise UnknownNameError("link", link, links)
+    check_known("link", [link], links)
     return link

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, freeze
-from skinmap.errors import SkinWarning, UnknownNameError
+from skinmap.errors import SkinWarning, check_known
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import transform_points
 from skinmap.skin.layouts import ModuleLayout
@@ -119,7 +119,7 @@ def repair_table(
     >>> len(repair_table(report.table, None).table)
     48
     """
-    check_steps(steps)
+    check_known("repair step", steps, ALL_STEPS)
     original = table
     if unit is None:
         unit = detect_unit(table.positions, layout) if "units" in steps else "m"
@@ -137,19 +137,6 @@ def repair_table(
         rebuilt = table.channels[before & ~shared_places(table)]
     unplaced = table.channels[shared_places(table)]
     return RepairReport(original, table, unit, thermal, rebuilt, unplaced, stated)
-
-
-def check_steps(steps: Collection[str]) -> None:
-    """Refuse steps that do not exist.
-
-    Raises
-    ------
-    UnknownNameError
-        Says which one, and which there are.
-    """
-    for step in steps:
-        if step not in ALL_STEPS:
-            raise UnknownNameError("repair step", step, ALL_STEPS)
 
 
 def warn_of_unit(unit: str, of: str = "", stated: str | None = None) -> None:

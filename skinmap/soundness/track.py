@@ -44,7 +44,7 @@ UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
 FAR = 10.0  # between parts of which no pose is known [m]
 TABLES = (".csv", ".tsv", ".txt")
 ARRAYS = (".npz", ".mat")
-STREAMS = (".mcap", ".xdf", ".xdfz", ".db3", ".log")
+STREAMS = (".mcap", ".xdf", ".db3", ".log")
 
 
 @dataclass(frozen=True, eq=False, slots=True)

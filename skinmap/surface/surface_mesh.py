@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray, check_faces, freeze
-from skinmap.errors import InvalidMeshError, SkinWarning, UnknownNameError
+from skinmap.errors import InvalidMeshError, SkinWarning, check_known
 from skinmap.geometry.topology import check_surface, face_components
 from skinmap.geometry.triangles import TriangleMesh, vertex_areas
 from skinmap.skin.normals import on_a_line
@@ -177,8 +177,7 @@ def build_surface(
     """
     if faces is not None:
         return surface_from_faces(skin, faces)
-    if method not in MESHING:
-        raise UnknownNameError("meshing method", method, MESHING)
+    check_known("meshing method", [method], MESHING)
     places = len(np.unique(skin.positions, axis=0))
     if 0 < len(skin) < 3 or (places > 2 and on_a_line(skin.positions)):
         none = np.zeros(0, np.int64)

@@ -41,12 +41,6 @@ def test_export_of_what_was_exported_changes_nothing(tmp_path, same_table):
         first = second
 
 
-def test_export_unrepaired_writes_what_the_file_says(tmp_path, icub, same_table):
-    path = tmp_path / "t.csv"
-    run("icub", "--part", "right_hand", "--unrepaired", "-o", str(path))
-    same_table(read_taxels(path), icub.part("right_hand").read())
-
-
 def test_export_reads_a_bare_table_in_a_format_that_is_named(tmp_path):
     (tmp_path / "skin.db").write_text("1\n0 5 1000000 0 0 0 0 1000000000 1 0\n")
     result = run(f"skinware:{tmp_path / 'skin.db'}", "-o", str(tmp_path / "t.csv"))

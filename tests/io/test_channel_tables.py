@@ -48,12 +48,6 @@ def written(folder, form, channels, values):
     if form == "csv":
         write_csv(folder / "t.csv", channels, values)
         path = folder / "t.csv"
-    elif form == "first-lines":
-        write_csv(folder / "t.csv", channels, values)
-        path = folder / "u.csv"
-        lines = "".join(f"# {line}\n" for line in mapping.splitlines())
-        path.write_text(lines + (folder / "t.csv").read_text())
-        return path
     elif form == "npz":
         path = folder / "t.npz"
         np.savez(path, values=values, times=np.arange(len(values)) / 10, channels=channels)
@@ -70,7 +64,7 @@ def written(folder, form, channels, values):
     return path
 
 
-@pytest.mark.parametrize("form", ["csv", "first-lines", "npz", "cyskin-ids", "cyskin-pairs"])
+@pytest.mark.parametrize("form", ["csv", "npz", "cyskin-ids", "cyskin-pairs"])
 def test_every_form_gives_what_was_written(tmp_path, channels, values, form):
     """The contract of a reader: our recording of the skin, its times, its values, its label."""
     (one,) = read_recordings(written(tmp_path, form, channels, values))

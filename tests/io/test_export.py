@@ -11,9 +11,12 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from skinmap.errors import OutputError
-from skinmap.io.taxels.icub import read_icub
-from skinmap.io.taxels.tactile_urdf import read_tactile_sensors, read_tactile_urdf
-from skinmap.io.taxels.taxel_export import write_icub, write_tactile_urdf
+from skinmap.io.taxels.icub import read_icub, write_icub
+from skinmap.io.taxels.tactile_urdf import (
+    read_tactile_sensors,
+    read_tactile_urdf,
+    write_tactile_urdf,
+)
 from skinmap.io.taxels.taxel_table import read_csv, write_csv
 from skinmap.skin.taxels import ABSENT, THERMAL, TaxelTable
 

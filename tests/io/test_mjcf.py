@@ -7,9 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from click.testing import CliRunner
 
-from skinmap.cli.main import cli
 from skinmap.errors import InvalidMeshError
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.robots.manifest import load_robot
@@ -199,12 +197,3 @@ def test_export_writes_without_mujoco(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "kaspar.xml"))
     assert {model.sensor(k).name for k in range(model.nsensor)} == set(load_robot("kaspar").parts)
-
-
-@pytest.mark.parametrize("words", [["--unrepaired"]])
-def test_export_mjcf_refuses_what_is_for_tables(words: list[str], tmp_path: Path) -> None:
-    path = tmp_path / "r.xml"
-    done = CliRunner().invoke(cli, ["export", "icub", "--format", "mjcf", *words, "-o", str(path)])
-    assert done.exit_code != 0
-    assert "mjcf is of a whole robot" in done.stderr
-    assert not path.exists()

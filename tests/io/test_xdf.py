@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import struct
 import tracemalloc
 
@@ -18,7 +17,6 @@ from skinmap.errors import (
     SkinWarning,
     UnknownNameError,
 )
-from skinmap.io.recordings import xdf
 from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.io.recordings.xdf import BOUNDARY, read_xdf
 
@@ -171,32 +169,6 @@ def test_a_stream_that_ends_early_is_not_held_to_the_end(tmp_path, values):
         track = read(tmp_path, streams((times, long, ""), (times[:100] - 0.001, values, "")))
     np.testing.assert_array_equal(track.values[:100][:, 1:], values)
     assert track.seconds == pytest.approx(2.06)
-
-
-def test_compressed_file_is_read(tmp_path, values):
-    (tmp_path / "t.xdfz").write_bytes(gzip.compress(recording(values)))
-    np.testing.assert_array_equal(read_xdf(tmp_path / "t.xdfz").values[:], values)
-    (tmp_path / "t.xdfz").write_bytes(b"no gzip")
-    with pytest.raises(DataFormatError, match="not a compressed XDF file"):
-        read_xdf(tmp_path / "t.xdfz")
-
-
-def test_a_compressed_file_is_unfolded_up_to_a_bound_and_no_further(tmp_path, values, monkeypatch):
-    (tmp_path / "t.xdfz").write_bytes(gzip.compress(recording(values) + bytes(300 * 2**20), 1))
-    taken = []
-    read = gzip.GzipFile.read
-    monkeypatch.setattr(
-        gzip.GzipFile, "read", lambda *words: (taken.append(len(found := read(*words))), found)[1]
-    )
-    with pytest.raises(DataFormatError, match="unfolds to more than"):
-        read_xdf(tmp_path / "t.xdfz")
-    size = (tmp_path / "t.xdfz").stat().st_size
-    assert max(taken) <= xdf.PIECE
-    assert sum(taken) <= xdf.MAX_RATIO * size + xdf.PIECE
-    monkeypatch.setattr(xdf, "MAX_UNFOLDED", 1000)
-    (tmp_path / "t.xdfz").write_bytes(gzip.compress(recording(values)))
-    with pytest.raises(DataFormatError, match="unfolds to more than"):
-        read_xdf(tmp_path / "t.xdfz")
 
 
 def test_cut_file_gives_all_whole_chunks(tmp_path, values):

@@ -7,7 +7,7 @@ import pytest
 
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.skin.layouts import module_layout
-from skinmap.skin.sheets import taxel_table, triangle_sheet
+from skinmap.skin.modules import taxel_table, triangle_sheet
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,7 @@ from skinmap.cli.main import cli
 from skinmap.errors import MissingLibraryError, UnknownNameError
 from skinmap.io.recordings.touch_files import load_recordings
 from skinmap.io.robots.manifest import load_robot
-from skinmap.physics import engine
+from skinmap.physics import pressing as engine
 from skinmap.physics.bodies import PRESSERS
 from skinmap.physics.simulation import make_ground, place_at, simulate
 from skinmap.physics.variants import VARIANTS

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, check_known
 from skinmap.live.moment import Moment
 from skinmap.summary import first_few
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -56,8 +56,7 @@ def describe(
     UnknownNameError, InvalidArrayError
         A part or a taxel that is not there.
     """
-    if part not in layers.skins:
-        raise UnknownNameError("part shown", part, layers.skins)
+    check_known("part shown", [part], layers.skins)
     prepared = layers.skins[part]
     skin = prepared.skin
     if not 0 <= taxel < len(skin):

@@ -18,7 +18,7 @@ from skinmap.errors import (
     OutputError,
     SkinError,
     SkinMismatchError,
-    UnknownNameError,
+    check_known,
 )
 from skinmap.io.output import staged_file
 from skinmap.skin.robot import Robot
@@ -110,8 +110,7 @@ def load_settings(path: Path) -> Settings:
     content = _content(path)
     names = (*CAMERA, *Settings.__struct_fields__)
     for name in content:
-        if name not in names:
-            raise UnknownNameError(f"setting in {str(path)!r}", name, names)
+        check_known(f"setting in {str(path)!r}", [name], names)
     return _convert(content, Settings, path)
 
 

@@ -55,7 +55,7 @@ def work(settings: Settings) -> ForceResult:
     SkinError
         MuJoCo is not installed, a part that does not exist, or parts that no body fits.
     """
-    from skinmap.physics.engine import import_mujoco
+    from skinmap.physics.pressing import import_mujoco
     from skinmap.physics.variants import FROZEN
     from skinmap.recognition.protocols.folds import run_repeats
     from skinmap.skin.checks import twin_parts

@@ -93,7 +93,7 @@ def cross_patch_lines(result: CrossPatchResult) -> Iterator[str | Table]:
 
 def judge_physics(settings: Settings) -> PhysicsResult:
     """Run the protocol."""
-    from skinmap.physics.engine import import_mujoco
+    from skinmap.physics.pressing import import_mujoco
     from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
     from skinmap.recognition.protocols import physics
     from skinmap.recognition.protocols.cross_patch import check_carries_over

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
 from skinmap.cli.inspect.inspect_result import DrawingMatch, PartRow, Spread
-from skinmap.errors import InvalidMeshError
+from skinmap.errors import InvalidMeshError, check_known
 from skinmap.io.flat_maps.drawing import read_drawing
 from skinmap.io.taxels.cyskin import read_cyskin
 from skinmap.io.taxels.cyskin_faults import file_faults, set_faults
@@ -20,7 +20,7 @@ from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
 from skinmap.skin.cover import FAR, SkinFit, Standing, judge_standing, measure_fit
 from skinmap.skin.layouts import ModuleLayout, module_layout
 from skinmap.skin.modules import module_normals
-from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, check_steps, repair_table
+from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, repair_table
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, skin_from_table
 from skinmap.skin.taxels import NO_ID, TaxelTable
@@ -108,7 +108,7 @@ def repair_steps(skipped: Collection[str]) -> tuple[str, ...]:
     UnknownNameError
         A step that does not exist.
     """
-    check_steps(skipped)
+    check_known("repair step", skipped, ALL_STEPS)
     return tuple(step for step in ALL_STEPS if step not in skipped)
 
 

@@ -54,9 +54,7 @@ from skinmap.io.recordings.recorded_stream import (
     nanoseconds_of,
     seconds_of,
 )
-from skinmap.io.ros2.bag_metadata import BAG_KEY, QOS_KEY, TopicFacts, bag_metadata
-from skinmap.io.ros2.bag_metadata import METADATA as BAG_METADATA
-from skinmap.io.ros2.message_types import DTYPES, HEAD, Number, decode
+from skinmap.io.ros2 import message_types as ros2
 from skinmap.io.ros2.messages import read_joints, read_text, text_message
 from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED
 from skinmap.io.taxels.taxel_table import parse_csv
@@ -184,7 +182,7 @@ class McapSamples:
     def __init__(self, index: Index, kind: Kind, channels: int) -> None:
         self._channels, self._path = channels, index.path
         self._content = Content(index)
-        self._messages: dict[Number, Messages] = {
+        self._messages: dict[ros2.Number, Messages] = {
             number: index.of(topic) for (each, number), topic in TOPICS.items() if each == kind
         }
         times, samples, numbers, rows = [], [], [], []
@@ -204,17 +202,17 @@ class McapSamples:
         self.samples: NDArray[Any] = np.concatenate(samples)[order]
         self._numbers, self._rows = np.concatenate(numbers)[order], np.concatenate(rows)[order]
         floats = len(self._messages["Float32"]) > 0
-        self.dtype = DTYPES["Float32" if floats else "UInt8"]
+        self.dtype = ros2.DTYPES["Float32" if floats else "UInt8"]
 
-    def _check_lengths(self, number: Number, messages: Messages) -> None:
-        wanted = HEAD.size + self._channels * DTYPES[number].itemsize
+    def _check_lengths(self, number: ros2.Number, messages: Messages) -> None:
+        wanted = ros2.HEAD.size + self._channels * ros2.DTYPES[number].itemsize
         lengths = np.array(messages.lengths, np.int64)
         other = np.flatnonzero((lengths != wanted) & (lengths > 0))
         if len(other):
-            size = messages.lengths[int(other[0])] - HEAD.size
+            size = messages.lengths[int(other[0])] - ros2.HEAD.size
             raise DataFormatError(
-                f"sample {other[0]} has {max(size, 0) // DTYPES[number].itemsize} values, its skin "
-                f"{self._channels} channels",
+                f"sample {other[0]} has {max(size, 0) // ros2.DTYPES[number].itemsize} values, its "
+                f"skin {self._channels} channels",
                 self._path,
             )
 
@@ -228,7 +226,7 @@ class McapSamples:
         for place, (which, row) in enumerate(chosen):
             message = self._content(self._messages[names[which]], row)
             try:
-                values[place] = decode(message, names[which])
+                values[place] = ros2.decode(message, names[which])
             except ValueError as error:
                 raise DataFormatError(f"sample {row}: {error}", self._path) from None
         return values
@@ -445,7 +443,7 @@ def read_head(found: Scan) -> dict[str, str]:
 def _agreed(copies: list[dict[str, str]], found: Scan) -> dict[str, str]:
     """What most copies say: these records carry no checksum, but they repeat each other."""
     agreed = {}
-    for key in sorted({key for copy in copies for key in copy} - {QOS_KEY}):
+    for key in sorted({key for copy in copies for key in copy} - {ros2.QOS_KEY}):
         said = Counter(copy.get(key) for copy in copies)
         ((value, _),) = said.most_common(1)
         if len(said) > 1:
@@ -516,7 +514,7 @@ def write_repaired(path: Path, output: Path) -> RecordedStream:
         head[REPAIRED] = repr(track.loss.seconds)
     with _copied(index, head, output) as (writer, numbers):
         _copy(writer, index, numbers)
-        words = {BAG_METADATA: {BAG_KEY: bag_metadata(output.name, _facts(index))}}
+        words = {ros2.BAG_METADATA: {ros2.BAG_KEY: ros2.bag_metadata(output.name, _facts(index))}}
         writer.finish(words, _overview(track, track.touches))
     return track
 
@@ -599,12 +597,12 @@ def _channels(writer: McapWriter, index: Index, head: dict[str, str]) -> dict[in
     return numbers
 
 
-def _facts(index: Index) -> dict[str, TopicFacts]:
+def _facts(index: Index) -> dict[str, ros2.TopicFacts]:
     """Topics of the messages that were found."""
-    found, facts = index.found, dict[str, TopicFacts]()
+    found, facts = index.found, dict[str, ros2.TopicFacts]()
     for number, one in sorted(found.channels.items()):
         kind = found.schemas[one.schema_id].name if one.schema_id in found.schemas else ""
-        topic = facts[one.topic] = TopicFacts(kind, latched=one.topic in LATCHED)
+        topic = facts[one.topic] = ros2.TopicFacts(kind, latched=one.topic in LATCHED)
         for stamp in index.channels.get(number, Messages()).times:
             topic.count(stamp)
     return facts

@@ -12,7 +12,8 @@ import json
 import os
 import time
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import IO, Any
@@ -31,9 +32,7 @@ from skinmap.io.recordings.recorded_stream import (
     nanoseconds_of,
     whole_counts,
 )
-from skinmap.io.ros2.bag_metadata import BAG_KEY, QOS_KEY, TopicFacts, bag_metadata, qos_profile
-from skinmap.io.ros2.bag_metadata import METADATA as BAG_METADATA
-from skinmap.io.ros2.message_types import Number, array_type, definition, encode, full_name
+from skinmap.io.ros2 import message_types as ros2
 from skinmap.io.ros2.messages import TouchMarker, joints_message, text_message
 from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED, TYPES, RobotTopics, RobotView
 from skinmap.io.taxels.taxel_table import csv_text
@@ -243,7 +242,7 @@ METADATA = "skinmap"
 REPAIRED = "repaired_lost_seconds"  # in the head of a file that was made from a damaged one
 TOUCHES = "/skin/touches"  # texts of JSON: docs/recordings.md
 POINTS_HZ = 0.5  # clouds of all taxels: 16 bytes a taxel, which hardly compress
-TOPICS: dict[tuple[Kind, Number], str] = {
+TOPICS: dict[tuple[Kind, ros2.Number], str] = {
     ("raw", "UInt8"): "/skin/raw",
     ("raw", "Float32"): "/skin/raw_float",
     ("pressure", "UInt8"): "/skin/pressure",
@@ -313,7 +312,7 @@ class McapRecording:
         self._parts = tuple(parts)
         self._ids: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
-        self._facts: dict[str, TopicFacts] = {}
+        self._facts: dict[str, ros2.TopicFacts] = {}
         self._view: RobotView | None = None
         known = dict(fingerprints or {})
         known |= {part: fingerprint(skin) for part, skin in (skins or {}).items()}
@@ -357,7 +356,7 @@ class McapRecording:
         # The head stands in the channels too: a damaged page at the beginning cannot take it all.
         for (kind, number), topic in TOPICS.items():
             if kind in self._widths:
-                self._open(topic, array_type(number), self._head)
+                self._open(topic, ros2.array_type(number), self._head)
         self._open(TOUCHES, "std_msgs/String", {})
         self._open(JOINT_STATES, TYPES[JOINT_STATES], {})
         if shows_robot:
@@ -367,10 +366,10 @@ class McapRecording:
 
     def _open(self, topic: str, kind: str, words: Mapping[str, str]) -> None:
         if kind not in self._schemas:
-            text = definition(kind)
-            self._schemas[kind] = self._writer.add_schema(full_name(kind), "ros2msg", text)
-        qos = {QOS_KEY: qos_profile(latched=topic in LATCHED)}
-        self._facts[topic] = TopicFacts(full_name(kind), latched=topic in LATCHED)
+            text = ros2.definition(kind)
+            self._schemas[kind] = self._writer.add_schema(ros2.full_name(kind), "ros2msg", text)
+        qos = {ros2.QOS_KEY: ros2.qos_profile(latched=topic in LATCHED)}
+        self._facts[topic] = ros2.TopicFacts(ros2.full_name(kind), latched=topic in LATCHED)
         number = self._schemas[kind]
         self._ids[topic] = self._writer.add_channel(topic, "cdr", number, {**words, **qos})
 
@@ -405,8 +404,8 @@ class McapRecording:
                 f"{self.path.name}: {kind} values of shape {np.shape(values)}, the skin has "
                 f"{channels} channels"
             )
-        number: Number = "UInt8" if whole_counts(values) else "Float32"
-        message, stamp = encode(values, number), nanoseconds_of(time)
+        number: ros2.Number = "UInt8" if whole_counts(values) else "Float32"
+        message, stamp = ros2.encode(values, number), nanoseconds_of(time)
         self._message(TOPICS[kind, number], stamp, message, self.samples[kind])
         self.samples[kind] += 1
         if kind == self._shown:
@@ -504,21 +503,31 @@ class McapRecording:
                     self._view.end()
             finally:
                 with self._disk():
-                    words = {BAG_METADATA: {BAG_KEY: self.bag_metadata()}}
+                    words = {ros2.BAG_METADATA: {ros2.BAG_KEY: self.bag_metadata()}}
                     made = self._overview.overview().to_bytes(self._parts)
                     self._writer.finish(words, made if self._overview.even else None)
 
     def bag_metadata(self) -> str:
         """What rosbag2 keeps of a bag beside its messages, as YAML."""
-        return bag_metadata(self.path.name, self._facts)
+        return ros2.bag_metadata(self.path.name, self._facts)
 
     def _message(self, topic: str, stamp: int, content: bytes, sample: int) -> None:
         self._facts[topic].count(stamp)
         with self._disk():
             self._writer.add_message(self._ids[topic], stamp, content, sample)
 
-    def _disk(self) -> _Disk:
-        return _Disk(self.path)
+    @contextmanager
+    def _disk(self) -> Iterator[None]:
+        """Says which file the system refused to write, and why."""
+        try:
+            yield
+        except OutputError:
+            raise
+        except OSError as error:
+            raise OutputError(
+                f"cannot go on writing {str(self.path)!r}: {error.strerror}; the written "
+                f"part stays readable"
+            ) from None
 
 
 def mark_text(
@@ -546,23 +555,6 @@ def mark_text(
         content["answers"] = dict(one.answers)
     stamp = nanoseconds_of(began if ended is None else ended)
     return stamp, json.dumps(content, separators=(",", ":"))
-
-
-class _Disk:
-    """Says which file the system refused to write, and why."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-
-    def __enter__(self) -> None:
-        pass
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, OSError) and not isinstance(error, OutputError):
-            raise OutputError(
-                f"cannot go on writing {str(self._path)!r}: {error.strerror}; the written "
-                f"part stays readable"
-            ) from None
 
 
 def table_of(skin: Skin) -> bytes:

@@ -18,11 +18,7 @@ from numpy.typing import NDArray
 
 from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import (
-    DataFormatError,
-    InvalidArrayError,
-    SkinWarning,
-)
+from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning
 from skinmap.io.recordings.mapping import Mapping, needed_mapping
 from skinmap.io.robots.manifest import load_robot
 from skinmap.io.text import DECIMAL_COMMA, MAX_CHANNEL, check_file
@@ -241,7 +237,7 @@ def read_table(path: Path) -> list[Recording]:
     """Read a CSV of channels over time.
 
     A header names the columns: the time, channels by a number in their name, and those that the
-    mapping calls label, event, person or session. Lines `# key = value` before it are a mapping.
+    mapping calls label, event, person or session. Lines that begin with `#` are left aside.
 
     Raises
     ------

@@ -215,10 +215,9 @@ def _episode(
         "dataset_from_index": pa.array([0], pa.int64()),
         "dataset_to_index": pa.array([frames], pa.int64()),
     }
-    for name in ("data/chunk_index", "data/file_index"):
-        columns[name] = pa.array([0], pa.int64())
-    for name in ("meta/episodes/chunk_index", "meta/episodes/file_index"):
-        columns[name] = pa.array([0], pa.int64())
+    for place in ("data", "meta/episodes"):
+        for name in ("chunk_index", "file_index"):
+            columns[f"{place}/{name}"] = pa.array([0], pa.int64())
     for feature, one in stats.items():
         for key, numbers in one.items():
             kind = pa.int64() if key == "count" else pa.float64()

@@ -1,4 +1,4 @@
-"""What a foreign recording is of: a few lines of TOML beside it, or in its first lines."""
+"""What a foreign recording is of: a few lines of TOML beside it."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class Mapping(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 def find_mapping(path: Path) -> Mapping | None:
     """The mapping of a recording, None where there is none.
 
-    It is `NAME.toml` beside it, else its own first lines, else the nearest `mapping.toml` of the
+    It is `NAME.toml` beside it, else the nearest `mapping.toml` of the
     folders above it.
 
     Raises
@@ -93,9 +93,6 @@ def find_mapping(path: Path) -> Mapping | None:
     beside = path.with_suffix(".toml")
     if is_file(beside) and "[robot]" not in read_text(beside):  # a manifest beside its taxels
         return read_mapping(beside)
-    own = _first_lines(path)
-    if own:
-        return _mapping(own, path)
     for folder in path.absolute().parents[:LEVELS]:
         if is_file(folder / NAME):
             found = read_mapping(folder / NAME)
@@ -139,12 +136,8 @@ def read_mapping(path: Path) -> Mapping:
     MissingFileError, DataFormatError
         No such file, no TOML, or keys that are wrong.
     """
-    return _mapping(read_text(path), path)
-
-
-def _mapping(text: str, path: Path) -> Mapping:
     try:
-        table = tomllib.loads(text)
+        table = tomllib.loads(read_text(path))
     except (ValueError, RecursionError) as error:  # huge numbers, deep nests are no TOML errors
         raise DataFormatError(f"not a mapping of a recording: {error}", path) from None
     if isinstance(table.get("robot"), dict):
@@ -155,16 +148,3 @@ def _mapping(text: str, path: Path) -> Mapping:
         place = str(path.absolute().parent / found.robot)
         return msgspec.structs.replace(found, robot=place)
     return found
-
-
-def _first_lines(path: Path) -> str:
-    """Lines that begin with `# key = ` before the first other line of a text file."""
-    if path.suffix.lower() not in (".csv", ".tsv", ".txt") or not is_file(path):
-        return ""
-    lines = []
-    with path.open(encoding="utf-8", errors="replace") as file:
-        for line in file:
-            if not line.startswith("#"):
-                break
-            lines.append(line[1:].strip())
-    return "\n".join(lines) if any("=" in line for line in lines) else ""

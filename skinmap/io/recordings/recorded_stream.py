@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
-from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, UnknownNameError
+from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, check_known
 from skinmap.io.mcap.file_overview import Overview
 from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.recording import Recording, TrueMotion
@@ -83,8 +83,7 @@ class StreamInfo:
         UnknownNameError
             The stream has no such part.
         """
-        if part not in self.parts:
-            raise UnknownNameError(f"part in stream {self.name!r}", part, self.parts)
+        check_known(f"part in stream {self.name!r}", [part], self.parts)
         row = self.parts.index(part)
         start = sum(self.widths[:row])
         return slice(start, start + self.widths[row])

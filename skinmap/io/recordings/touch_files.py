@@ -80,14 +80,8 @@ def load_recordings(path: str | Path) -> list[Recording]:
     if not is_file(path):
         raise MissingFileError(path, "a recording made by `skinmap simulate` or `skinmap record`")
     check_suffix(path)
-    if path.suffix.lower() == ".npz":
-        return _load_npz(path)
-    return recordings_of(warn_of_loss(read_track(path), path), path)
-
-
-def _load_npz(path: Path) -> list[Recording]:
-    """What `save_recordings` or `skinmap export` wrote."""
-    track = exported_track(path)
+    npz = path.suffix.lower() == ".npz"
+    track = exported_track(path) if npz else warn_of_loss(read_track(path), path)
     return archive.load_recordings(path) if track is None else recordings_of(track, path)
 
 
@@ -177,15 +171,11 @@ def save_recordings(
     if name.suffix.lower() == ".npz":
         try:
             archive.save_recordings(list(recordings), path)
+            return
         except OSError as error:
             raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from error
-    else:
-        _save_mcap(recordings, path, robot)
-
-
-def _save_mcap(recordings: Sequence[Recording], path: Path, robot: Robot | None) -> None:
     track = track_of(recordings, path)
-    file = McapRecording(
+    McapRecording(
         path,
         parts=track.parts,
         widths={"pressure": track.info.widths},
@@ -195,8 +185,7 @@ def _save_mcap(recordings: Sequence[Recording], path: Path, robot: Robot | None)
         skins={} if robot is None else {part: robot.skin(part) for part in track.parts},
         samples=track.samples,
         chunk_seconds=SAVED_CHUNK,
-    )
-    file.add_all(track)
+    ).add_all(track)
 
 
 def _longest(recordings: Sequence[Recording]) -> Recording:
@@ -399,7 +388,7 @@ def part_logs(path: Path) -> dict[str, PartLog] | None:
     path, suffix = whole(path), path.suffix.lower()
     if is_bag(path):
         return read_bag_parts(path)
-    if suffix in (".xdf", ".xdfz"):
+    if suffix == ".xdf":
         from skinmap.io.recordings.xdf import read_xdf_parts
 
         return read_xdf_parts(path)
@@ -416,7 +405,7 @@ def read_streams(path: Path, robot: Robot | None = None) -> RecordedStream | Non
     suffix = path.suffix.lower()
     if is_bag(path):
         return read_bag(path)
-    if suffix in (".xdf", ".xdfz"):
+    if suffix == ".xdf":
         from skinmap.io.recordings.xdf import read_xdf
 
         return read_xdf(path, robot=robot)

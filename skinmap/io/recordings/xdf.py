@@ -7,12 +7,10 @@ Format: https://github.com/sccn/xdf/wiki/Specifications
 
 from __future__ import annotations
 
-import gzip
 import io
 import logging
 import struct
 import warnings
-import zlib
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -40,9 +38,6 @@ BOUNDARY = bytes.fromhex("43A546DCCBF5410FB30ED5467383CBE4")
 HEADER, STREAM, SAMPLES, CLOCK, MARK, FOOTER = 1, 2, 3, 4, 5, 6
 SIZES = {"int8": 1, "int16": 2, "int32": 4, "int64": 8, "float32": 4, "double64": 8}
 MAX_BYTES = 2 * 2**30  # it is held in memory
-MAX_UNFOLDED = 512 * 2**20  # of a compressed file, which may come from anywhere
-MAX_RATIO = 100  # of a compressed file; recordings of sensors reach 10
-PIECE = 2**20  # unfolded at once
 LOST = 3.0  # usual steps that are a gap and no jitter
 NEAR = 25  # samples on either side that tell whether times stay late
 FAR = 10  # times as many
@@ -88,7 +83,7 @@ def read_xdf(path: Path, *, robot: Robot | None = None) -> RecordedStream:
     UnknownNameError
         No stream that is called like a part of the robot.
     """
-    sound = _sound_chunks(_bytes(path), path)
+    sound = _sound_chunks(path)
     parts, told = _read_parts(sound, robot, path)
     irregular = [part for part, rate in told.rates.items() if rate == 0]
     times, columns = at_shared_times(parts, path, kept=irregular)
@@ -114,7 +109,7 @@ def read_xdf(path: Path, *, robot: Robot | None = None) -> RecordedStream:
 
 def read_xdf_parts(path: Path) -> dict[str, PartLog]:
     """Samples of each part at its own times, in the order of the file; errors as `read_xdf`."""
-    return _read_parts(_sound_chunks(_bytes(path), path), None, path)[0]
+    return _read_parts(_sound_chunks(path), None, path)[0]
 
 
 @dataclass(slots=True)
@@ -145,26 +140,10 @@ def _read_parts(sound: _Sound, robot: Robot | None, path: Path) -> tuple[dict[st
     return _described_parts(there, path) or _named_parts(there, robot, path)
 
 
-def _bytes(path: Path) -> bytes | bytearray:
+def _sound_chunks(path: Path) -> _Sound:
+    """Collect the chunks of a file that are whole and consistent."""
     check_file(path, "an XDF recording", MAX_BYTES)
-    with path.open("rb") as file:
-        if path.suffix.lower() != ".xdfz":
-            return file.read()
-        most = min(MAX_UNFOLDED, max(PIECE, MAX_RATIO * path.stat().st_size))
-        data = bytearray()
-        try:
-            unfolded = gzip.GzipFile(fileobj=file)
-            while piece := unfolded.read(PIECE):
-                data += piece
-                if len(data) > most:
-                    raise DataFormatError(f"unfolds to more than {most / 2**20:.0f} MB", path)
-        except (OSError, EOFError, zlib.error) as error:
-            raise DataFormatError(f"not a compressed XDF file: {error}", path) from None
-    return data
-
-
-def _sound_chunks(data: bytes | bytearray, path: Path) -> _Sound:
-    """Collect the chunks that are whole and consistent."""
+    data = path.read_bytes()
     if data[: len(MAGIC)] != MAGIC:
         raise DataFormatError("an empty file" if not data else "not an XDF file", path)
     sound = _Sound()
@@ -178,7 +157,7 @@ def _sound_chunks(data: bytes | bytearray, path: Path) -> _Sound:
             sound.damage.append(f"unreadable from byte {offset}")
             offset = following + len(BOUNDARY) if following >= 0 else len(data)
             continue
-        body = bytes(data[found[1] : end])
+        body = data[found[1] : end]
         try:
             if _keep(body, sound):
                 sound.data.write(b"\x08" + struct.pack("<Q", len(body)) + body)
@@ -189,7 +168,7 @@ def _sound_chunks(data: bytes | bytearray, path: Path) -> _Sound:
     return sound
 
 
-def _length(data: bytes | bytearray, offset: int) -> tuple[int, int] | None:
+def _length(data: bytes, offset: int) -> tuple[int, int] | None:
     """A number of variable length and where it ends; None where there is none."""
     size = data[offset] if offset < len(data) else 0
     if size not in (1, 4, 8) or offset + 1 + size > len(data):

@@ -23,6 +23,7 @@ from skinmap.errors import (
     MissingFileError,
     UnknownNameError,
     check_kind,
+    check_known,
 )
 from skinmap.geometry.rigid import transform_directions, transform_points
 from skinmap.geometry.triangles import TriangleMesh
@@ -220,8 +221,7 @@ def _body(head: _Robot, path: Path, inside: Path | None) -> Body:
 
 
 def _metres(unit: str) -> float:
-    if unit not in UNITS:
-        raise UnknownNameError("unit", unit, UNITS)
+    check_known("unit", [unit], UNITS)
     return UNITS[unit]
 
 
@@ -341,8 +341,7 @@ def _transform(pose: _Pose | None, path: Path) -> FloatArray:
 def _pose(angles_deg: Mapping[str, object], body: Body, path: Path) -> dict[str, float]:
     pose = {}
     for joint, angle in angles_deg.items():
-        if joint not in body.joints:
-            raise UnknownNameError("joint", joint, body.joints)
+        check_known("joint", [joint], body.joints)
         number = isinstance(angle, int | float) and not isinstance(angle, bool)
         if not number or not abs(angle) <= MAX_DEGREES:  # type: ignore[arg-type]  # nor is NaN
             raise DataFormatError(f"pose_deg.{joint} must be a number, got {angle!r}", path)

@@ -23,6 +23,7 @@ from skinmap.errors import (
     SkinError,
     SkinWarning,
     UnknownNameError,
+    check_known,
 )
 from skinmap.geometry.rigid import check_transform, rpy_matrix, transform_points
 from skinmap.geometry.triangles import TriangleMesh
@@ -115,10 +116,7 @@ class UrdfBody:
         UnknownNameError
             A joint that the URDF lacks.
         """
-        known = self.joints
-        for name in angles:
-            if name not in known:
-                raise UnknownNameError("joint", name, known)
+        check_known("joint", angles, self.joints)
         found: dict[str, FloatArray] = {}
 
         def pose(link: str) -> FloatArray:

@@ -12,14 +12,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import MessageError
-from skinmap.io.ros2.message_types import (
-    build,
-    header,
-    nanoseconds_of,
-    read,
-    time_message,
-    write,
-)
+from skinmap.io.ros2.message_types import build, header, nanoseconds_of, read, time_message, write
 
 FLOAT32 = 7
 # How `sensor_msgs/PointField` numbers its types.

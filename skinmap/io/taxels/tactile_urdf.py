@@ -4,12 +4,15 @@
 `<array rows cols size spacing? offset? order?/>` or many `<taxel idx xyz rpy/>`. Poses are in the
 sensor's frame, which `origin` places on the link; +z is the outward normal; `idx` is the place in
 the live vector. Two attributes of ours on `<taxel>`, which others ignore, keep what the format has
-no room for: `module`, and `normal` with every bit (see `skinmap.io.taxels.taxel_export`).
+no room for: `module`, and `normal` with every bit.
 """
 
 from __future__ import annotations
 
+import math
 import warnings
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -19,16 +22,18 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import (
     DataFormatError,
     InvalidArrayError,
+    OutputError,
     SkinWarning,
     unknown_name,
 )
 from skinmap.geometry.rigid import rpy_matrix
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
-from skinmap.io.text import MAX_CHANNEL, parse_floats, parse_whole
+from skinmap.io.text import MAX_CHANNEL, digits, parse_floats, parse_whole
 from skinmap.skin.taxels import TaxelTable
 
 MAX_TAXELS = 100_000  # a short line of XML can ask for any number of them
 ORDERS = {"row-major": True, "col-major": False, "column-major": False}
+MARKER_RADIUS, MARKER_HEIGHT = "0.002", "0.0005"  # of the markers that viewers of a URDF draw [m]
 SAME_DIRECTION = 1e-6  # between rpy and our exact normal; both come from the same numbers
 
 
@@ -168,3 +173,71 @@ def _numbers(
 
 def _warn(message: str, path: Path, element: Any) -> None:
     warnings.warn(f"{path}:{element.sourceline}: {message}", SkinWarning, stacklevel=4)
+
+
+def write_tactile_urdf(
+    sensors: Mapping[str, TaxelTable], path: Path, *, robot: str = "skin", update_rate: float = 50.0
+) -> None:
+    """Write a URDF with the tactile extension: one sensor a table, all on one link.
+
+    +z of a taxel is its normal. `module` and `normal` are attributes of ours, which others ignore;
+    they keep what an angle cannot: the last bits, a length that is not 1, and zero.
+
+    Parameters
+    ----------
+    sensors : mapping of str to TaxelTable
+        Sensor name to its taxels, in the frame of the table's link ("base" where it has none).
+        One link only: links without the joints between them are no robot.
+    path : Path
+        The file.
+    robot : str
+        Name of the robot.
+    update_rate : float
+        Samples a second that the sensors state.
+
+    Raises
+    ------
+    OutputError
+        No sensor or taxel, several links, or a name that XML cannot hold.
+    """
+    links = {table.link or "base" for table in sensors.values()}
+    if len(links) != 1:
+        raise OutputError(f"a tactile URDF needs sensors on one link, got {sorted(links)}")
+    (link,) = links
+    root = ET.Element("robot", name=_xml_name(robot))
+    ET.SubElement(root, "link", name=_xml_name(link))
+    for name, table in sensors.items():
+        if len(table) == 0:
+            raise OutputError("no taxel to write")
+        sensor = ET.SubElement(root, "sensor", name=_xml_name(name), update_rate=repr(update_rate))
+        ET.SubElement(sensor, "parent", link=link)
+        ET.SubElement(sensor, "origin", xyz="0 0 0", rpy="0 0 0")
+        tactile = ET.SubElement(sensor, "tactile", channel=name)
+        for channel, module, position, normal in zip(
+            table.channels, table.modules, table.positions, table.normals, strict=True
+        ):
+            taxel = ET.SubElement(
+                tactile,
+                "taxel",
+                idx=str(channel),
+                xyz=digits(position),
+                rpy=digits(_angles(normal.tolist())),
+                module=str(module),
+                normal=digits(normal),
+            )
+            geometry = ET.SubElement(taxel, "geometry")  # the format wants one
+            ET.SubElement(geometry, "cylinder", radius=MARKER_RADIUS, length=MARKER_HEIGHT)
+    ET.indent(root)
+    ET.ElementTree(root).write(path, encoding="utf-8", xml_declaration=True)
+
+
+def _angles(normal: list[float]) -> tuple[float, float, float]:
+    """Roll, pitch, yaw [rad] that turn +z to a normal of any length; none for a normal of zero."""
+    x, y, z = normal
+    return 0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x)
+
+
+def _xml_name(name: str) -> str:
+    if not name or not name.isprintable():
+        raise OutputError(f"a URDF cannot hold the name {name!r}")
+    return name

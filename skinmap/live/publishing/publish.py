@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import SkinMismatchError, UnknownNameError
+from skinmap.errors import SkinMismatchError, UnknownNameError, check_known
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.moment import Moment
 from skinmap.live.network.network_messages import VERSION
@@ -152,9 +152,7 @@ class Publisher(ABC):
     def __init__(
         self, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None = None
     ) -> None:
-        for topic in topics:
-            if topic not in TOPICS:
-                raise UnknownNameError("topic", topic, TOPICS)
+        check_known("topic", topics, TOPICS)
         self.info, self.topics, self.robot = info, tuple(dict.fromkeys(topics)), robot
         self.sent = 0
         self._contacts: tuple[NamedTouch, ...] = ()

@@ -24,7 +24,7 @@ from skinmap.skin.robot import Robot
 
 TOUCHES = (".npz", *FOREIGN)  # recordings of dense taxels
 FORMATS = (
-    ".mcap", ".npz", ".xdf", ".xdfz", "data.log", "a folder of data.log files", "a bag of ROS 2",
+    ".mcap", ".npz", ".xdf", "data.log", "a folder of data.log files", "a bag of ROS 2",
     *(f"{suffix} with a mapping" for suffix in FOREIGN),
 )  # fmt: skip
 

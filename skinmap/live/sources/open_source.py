@@ -16,7 +16,7 @@ from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
 
 SEED = "seed="  # a word of the simulator's address
-FILES = (".npz", ".mcap", ".xdf", ".xdfz", ".log", ".db3", ".csv", ".tsv", ".txt")
+FILES = (".npz", ".mcap", ".xdf", ".log", ".db3", ".csv", ".tsv", ".txt")
 
 
 # What an entry point of the group `skinmap.sources` names: it is called with an address, and the

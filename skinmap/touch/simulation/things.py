@@ -12,7 +12,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from skinmap.errors import UnknownNameError
+from skinmap.errors import check_known
 from skinmap.touch.simulation.gestures import EIGHT, FOUR, GESTURES, TIME
 from skinmap.touch.simulation.hands import (
     HANDS,
@@ -167,7 +167,5 @@ def gesture_set(names: Sequence[str]) -> tuple[str, ...]:
         A name that is neither a gesture nor a set.
     """
     words = [word.strip() for name in names for word in name.split(",")] or ["four"]
-    for word in words:
-        if word not in NAMES:
-            raise UnknownNameError("gesture", word, NAMES)
+    check_known("gesture", words, NAMES)
     return tuple(dict.fromkeys(one for word in words for one in SETS.get(word, (word,))))

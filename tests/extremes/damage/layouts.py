@@ -36,10 +36,13 @@ from skinmap.io.taxels.cyskin import (
     write_cyskin,
 )
 from skinmap.io.taxels.cyskin_faults import file_faults
-from skinmap.io.taxels.icub import read_icub
+from skinmap.io.taxels.icub import read_icub, write_icub
 from skinmap.io.taxels.skinware import read_skinware
-from skinmap.io.taxels.tactile_urdf import read_tactile_sensors, read_tactile_urdf
-from skinmap.io.taxels.taxel_export import write_icub, write_tactile_urdf
+from skinmap.io.taxels.tactile_urdf import (
+    read_tactile_sensors,
+    read_tactile_urdf,
+    write_tactile_urdf,
+)
 from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE, read_csv, read_taxels
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.taxels import TaxelTable

@@ -10,7 +10,7 @@ import numpy as np
 import pyvista as pv
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.errors import InvalidArrayError, check_known
 from skinmap.geometry.triangles import TriangleMesh, cross_products, unit
 from skinmap.skin.robot import Robot
 from viewer.drawing.frame.polydata import make_mesh
@@ -64,9 +64,7 @@ def check_links(robot: Robot, links: Links, parts: Iterable[str] = ()) -> tuple[
         carrying = {robot.part(part).link for part in parts}
         return tuple(link for link in visible if link in carrying)
     chosen = (links,) if isinstance(links, str) else tuple(links)
-    for link in chosen:
-        if link not in visible:
-            raise UnknownNameError("link with a mesh", link, visible)
+    check_known("link with a mesh", chosen, visible)
     return chosen
 
 
@@ -177,8 +175,7 @@ def posed(robot: Robot, angles: Mapping[str, float]) -> dict[str, FloatArray]:
     """
     limits, slides = robot.body.joints, robot.body.sliding_joints
     for joint, angle in angles.items():
-        if joint not in limits:
-            raise UnknownNameError("joint", joint, limits)
+        check_known("joint", [joint], limits)
         low, high = limits[joint]
         slack = SLIDING_SLACK if joint in slides else SLACK
         if not low - slack <= angle <= high + slack:  # false for NaN

@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import UnknownNameError
+from skinmap.errors import check_known
 from viewer.drawing.words.labels import Coverage
 
 VIEW_ANGLE = 22.0  # vertical [deg]: long enough a lens that limbs keep their proportions
@@ -393,8 +393,7 @@ def preset(name: str, front: View) -> View:
     UnknownNameError
         No such preset.
     """
-    if name not in PRESETS:
-        raise UnknownNameError("camera preset", name, PRESETS)
+    check_known("camera preset", [name], PRESETS)
     turn, elevation = PRESETS[name]
     azimuth = (front.azimuth - THREE_QUARTER + turn + 180.0) % 360.0 - 180.0
     return View(azimuth, elevation)

@@ -16,7 +16,7 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 from vtkmodules.vtkCommonCore import vtkLookupTable
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import UnknownNameError
+from skinmap.errors import check_known
 from skinmap.geometry.triangles import unit
 from viewer.colours import DOT, INK, SHEET, UNKNOWN, rgb
 from viewer.drawing.body.body_view import flat, light
@@ -93,8 +93,7 @@ def check_style(style: str) -> str:
     ------
     UnknownNameError
     """
-    if style not in STYLES:
-        raise UnknownNameError("style", style, STYLES)
+    check_known("style", [style], STYLES)
     return style
 
 
