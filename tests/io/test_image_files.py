@@ -33,14 +33,43 @@ def test_images_come_back_as_they_were_written(tmp_path, rng):
         np.testing.assert_array_equal(np.asarray(picture), wanted.images[0])
 
 
+def test_folders_of_pictures_are_read(tmp_path, rng):
+    for label in ("hand", "other"):
+        (tmp_path / label).mkdir()
+        for number in range(2):
+            pixels = rng.integers(1, 256, (22, 38)).astype(np.uint8)
+            Image.fromarray(pixels).save(tmp_path / label / f"{number}.png")
+    found = read_images(tmp_path)
+    assert found.images.shape == (4, 22, 38)
+    assert found.labels.tolist() == ["hand", "hand", "other", "other"]
+
+
+@pytest.mark.parametrize(
+    ("pixels", "match"),
+    [
+        (np.zeros((66, 100), np.uint8), "black everywhere"),
+        (np.full((66, 100), 900, np.uint16), "grey images of 8 bits"),
+        (np.full((10, 10), 9, np.uint8), "images are of one size"),
+    ],
+)
+def test_pictures_that_are_no_contact_images_are_refused(tmp_path, pixels, match):
+    (tmp_path / "hand").mkdir()
+    Image.fromarray(np.full((66, 100), 9, np.uint8)).save(tmp_path / "hand" / "0.png")
+    Image.fromarray(pixels).save(tmp_path / "hand" / "1.png")
+    with pytest.raises(DataFormatError, match=match):
+        read_images(tmp_path)
+
+
 def test_sets_that_are_none_are_refused(tmp_path):
-    for path in (tmp_path, tmp_path / "nowhere.npz"):
-        with pytest.raises(MissingFileError):
-            read_images(path)
-    images = np.zeros((1, 3, 4), np.uint8)
-    np.savez(tmp_path / "images.npz", images=images, labels=["a"])
-    with pytest.raises(DataFormatError, match="black everywhere"):
-        read_images(tmp_path / "images.npz")
+    with pytest.raises(MissingFileError):
+        read_images(tmp_path / "nowhere")
+    with pytest.raises(DataFormatError, match="no pictures"):
+        read_images(tmp_path)
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / "hand").mkdir()
+    (tmp_path / "empty" / "hand" / "0.png").write_bytes(b"")
+    with pytest.raises(DataFormatError, match="not a picture"):
+        read_images(tmp_path / "empty")
     np.savez(tmp_path / "images.npz", images=np.ones((3, 4), np.uint16), labels=["a", "b", "c"])
     with pytest.raises(DataFormatError, match="8 bits"):
         read_images(tmp_path / "images.npz")

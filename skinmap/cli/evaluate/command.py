@@ -126,8 +126,8 @@ def command(
 ) -> None:
     """Run an evaluation protocol and print its tables.
 
-    IMAGES of --protocol baxter is a folder of `skinmap export --format images`, or an .npz with
-    the arrays `images` (n, rows, columns) and `labels` (hand, other).
+    IMAGES of --protocol baxter is a folder with a folder of pictures for each label (hand,
+    other), a folder of `skinmap export --format images`, or its .npz.
 
     Results are the same whatever the jobs. With --resume FOLDER a run that was
     interrupted goes on where it ended.

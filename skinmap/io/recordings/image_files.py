@@ -1,7 +1,8 @@
-"""Contact images as files: a folder of pictures with `images.npz`."""
+"""Contact images as files: a folder of pictures with `images.npz`, and what others bring."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -9,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.archive import read_arrays
-from skinmap.errors import DataFormatError
+from skinmap.errors import DataFormatError, MissingFileError
 from skinmap.imports import import_optional
 from skinmap.io.text import check_file
 
 ARRAYS = "images.npz"
+PICTURES = (".png", ".bmp", ".tif", ".tiff", ".pgm", ".jpg", ".jpeg")
+NEED = "pictures need Pillow: pip install pillow"
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -38,7 +41,7 @@ class LabelledImages:
 
 def write_images(found: LabelledImages, folder: Path) -> list[str]:
     """Write each image as PNG, and all of them as `images.npz`; names of the files."""
-    pillow = import_optional("PIL.Image", "pictures need Pillow: pip install pillow")
+    pillow = import_optional("PIL.Image", NEED)
     names = []
     for number, (image, label, part) in enumerate(
         zip(found.images, found.labels, found.parts, strict=True)
@@ -63,14 +66,41 @@ def read_images(path: Path) -> LabelledImages:
     Parameters
     ----------
     path : Path
-        A folder that `write_images` wrote, or its `images.npz`.
+        A folder that `write_images` wrote, its `images.npz`, or a folder with one folder of
+        pictures for each label.
 
     Raises
     ------
     MissingFileError, DataFormatError
         No such file, or images that are none.
     """
-    path = path / ARRAYS if path.is_dir() else path
+    if not path.exists():
+        raise MissingFileError(path, "contact images: a folder or an .npz")
+    if path.is_dir() and (path / ARRAYS).exists():
+        path = path / ARRAYS
+    if path.is_dir():
+        return _of_folders(path)
+    if path.suffix.lower() == ".npz":
+        return _of_arrays(path)
+    raise DataFormatError("contact images are a folder or an .npz", path)
+
+
+def _of_folders(path: Path) -> LabelledImages:
+    files = [
+        (one, folder.name)
+        for folder in sorted(path.iterdir())
+        if folder.is_dir()
+        for one in sorted(folder.iterdir())
+        if one.suffix.lower() in PICTURES
+    ]
+    if not files:
+        raise DataFormatError(
+            f"no pictures: a folder for each label (hand, other) or {ARRAYS} is expected", path
+        )
+    return _checked(files)
+
+
+def _of_arrays(path: Path) -> LabelledImages:
     check_file(path, "contact images (.npz)", 2**32)
     kept = read_arrays(path)
     missing = [name for name in ("images", "labels") if name not in kept]
@@ -92,9 +122,44 @@ def read_images(path: Path) -> LabelledImages:
         raise DataFormatError(
             f"{len(images)} images, {len(labels)} labels, {len(touches)} touches", path
         )
-    black = np.flatnonzero([image.size == 0 or image.max() == 0 for image in images])
-    if len(black):
-        raise DataFormatError(f"image {black[0]} is black everywhere: no touch", path)
+    for number, image in enumerate(images):
+        _refuse_black(image, f"image {number}", path)
     if not len(images):
         raise DataFormatError("no images", path)
     return LabelledImages(images, labels, touches.astype(np.int64), parts.astype(str))
+
+
+def _checked(files: Sequence[tuple[Path, str]]) -> LabelledImages:
+    images = [_picture(one) for one, _ in files]
+    for image, (one, _) in zip(images, files, strict=True):
+        if image.shape != images[0].shape:
+            here, first = (" x ".join(map(str, some.shape)) for some in (image, images[0]))
+            raise DataFormatError(
+                f"{here} pixels, {files[0][0].name} has {first}: images are of one size", one
+            )
+    labels = np.array([label for _, label in files])
+    return LabelledImages(
+        np.stack(images), labels, np.arange(len(labels)), np.full(len(labels), "")
+    )
+
+
+def _picture(path: Path) -> NDArray[np.uint8]:
+    if not path.exists():
+        raise MissingFileError(path, "a contact image")
+    pillow = import_optional("PIL.Image", NEED)
+    try:
+        with pillow.open(path) as file:
+            if file.mode not in ("L", "P", "1", "RGB", "RGBA"):
+                raise DataFormatError(f"grey images of 8 bits are read, this is {file.mode}", path)
+            image = np.asarray(file.convert("L"))
+    except (OSError, SyntaxError, ValueError) as error:
+        if isinstance(error, DataFormatError):
+            raise
+        raise DataFormatError("not a picture", path) from error
+    _refuse_black(image, "the image", path)
+    return image
+
+
+def _refuse_black(image: NDArray[np.uint8], name: str, path: Path) -> None:
+    if image.size == 0 or image.max() == 0:
+        raise DataFormatError(f"{name} is black everywhere: no touch", path)
