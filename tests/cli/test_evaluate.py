@@ -150,6 +150,7 @@ def test_tables_are_printed_for_people(recording):
         (["--protocol", "kaspar", "--variety", "much"], "no variety level 'much'"),
         (["touches.npz", "--variety", "none"], "recorded touches have no --variety"),
         (["--protocol", "kaspar", "--per-gesture", "3"], "--per-gesture is of cross-patch, phys"),
+        (["--protocol", "force", "--classifier", "svm"], "force trains no classifier: no --cl"),
         (["touches.npz", "--network", "paper"], "--network is of baxter; not of recordings"),
     ],
 )

@@ -37,6 +37,7 @@ from skinmap.report.present import present
 from skinmap.report.result import plain
 
 PREDICTING = ("prints", "load")  # protocols that write what they answered
+UNNAMED = ("force", "load", "prints", "fingers", "hands")  # that train no classifier
 COUNTED = ("cross-patch", "physics", "time", "force")  # that take --per-gesture
 SEEDS = {"baxter": 10, "physics": 1, "time": 1, "force": 1}  # of the others 5
 CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clean sensors
@@ -166,6 +167,8 @@ def command(
     chosen, files = _protocol(protocol, recordings)
     if options["predictions"] and chosen not in PREDICTING:
         raise click.UsageError(f"--predictions: {chosen} writes none; of {', '.join(PREDICTING)}")
+    if options["names"] and chosen in UNNAMED:
+        raise click.UsageError(f"--protocol {chosen} trains no classifier: no --classifier")
     given = click.get_current_context().get_parameter_source("per_gesture")
     if given is ParameterSource.COMMANDLINE and chosen not in COUNTED:
         raise click.UsageError(f"--per-gesture is of {', '.join(COUNTED)}; not of {chosen}")
