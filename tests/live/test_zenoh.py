@@ -76,6 +76,9 @@ def test_samples_keep_their_times_apart(port, icub):
     info = StreamInfo("t", (PART,), (width,), 50.0, "pressure", "iCub")
     with open_publisher(f"zenoh:{port}", info) as publisher:
         source = open_source(f"zenoh:{port}", robot=icub)
+        first_one = Block(np.array([99.98]), np.zeros((1, width), np.uint8), 0.0)
+        while source.read(0.2) is None:  # until the publisher knows of the source
+            publisher.send_block(first_one)
         before = time.time()
         for first in range(0, 30, 10):
             times = 100.0 + 0.02 * np.arange(first, first + 10)

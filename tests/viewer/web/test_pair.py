@@ -88,6 +88,7 @@ def test_what_is_done_to_one_side_is_done_to_both(pair, open_tab):
     right.locator("#clock:has-text('2.50 /')").wait_for()  # it stands half a second later
     right.locator("#on").click()
     left.locator("#clock:has-text('2.02 /')").wait_for()
+    right.locator("#clock:has-text('2.52 /')").wait_for()
     codes = "Array.from(window.skinmap.sample.arrays.values)"
     assert frames["left"].evaluate(codes) == frames["right"].evaluate(codes)
     assert tab.faults == []
