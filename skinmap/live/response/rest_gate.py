@@ -155,7 +155,7 @@ class RestGate:
         shared = self._shared(away, low)
         moving = (free & (np.abs(away) > STEADY)) | (low & (shared != 0.0))
         most = np.maximum(self._follow, GAINS * np.abs(shared))[moving]
-        self._drift += np.where(low, 0.0, shared)
+        self._drift += np.where(low, 0.0, shared)  # pressed taxels get as warm as those beside them
         self._drift[moving] += np.clip(away[moving], -most, most)
         learnt = self._learnt
         return Rest(
