@@ -236,15 +236,16 @@ def _read(results: Path, name: str) -> Any:
 
 
 def _area(results: Path, name: str) -> dict[str, Any]:
-    """Rows of an area: those of the last whole `make bench`, before those of its own program.
+    """Rows of an area: of the last whole `make bench` and of its own program, the later first.
 
     The whole run leaves out the largest sizes and longest runs of some areas, which their own
     programs have measured.
     """
-    rows: dict[str, Any] = _read(results, name)
-    whole = results / "bench.json"
-    areas = _read(results, "bench")["areas"] if whole.is_file() else {}
-    return _joined(areas.get(name, {}).get("rows", {}), rows)
+    own: dict[str, Any] = _read(results, name)
+    every = _read(results, "bench") if (results / "bench.json").is_file() else {"areas": {}}
+    whole = every["areas"].get(name, {}).get("rows", {})
+    later = own.get("date", "") > every.get("date", "")
+    return _joined(own, whole) if later else _joined(whole, own)
 
 
 def _joined(first: dict[str, Any], second: dict[str, Any]) -> dict[str, Any]:

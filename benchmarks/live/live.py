@@ -56,8 +56,9 @@ def one_way(way: str, rate: float, seconds: float) -> dict[str, Any]:
     """Latency, losses, and CPU of both ends of one transport at one rate."""
     spec = f"lsl:bench-{uuid.uuid4().hex[:8]}" if way == "lsl" else f"{way}:{free_port()}"
     clock = time.time if way == "zenoh" else time.perf_counter
-    go, said = mp.Event(), mp.Queue()
-    sender = mp.Process(target=send, args=(spec, rate, seconds, go, said))
+    apart = mp.get_context("spawn")  # a fork of a process that has had a session of Zenoh hangs
+    go, said = apart.Event(), apart.Queue()
+    sender = apart.Process(target=send, args=(spec, rate, seconds, go, said))
     sender.start()
     said.get(timeout=60)
     source = open_source(spec)
