@@ -18,8 +18,8 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
 from skinmap.errors import SkinMismatchError, UnknownNameError, check_known
 from skinmap.live.moment import Moment
 from skinmap.live.touched_taxels import Touched
-from skinmap.neighbours.offsets import concatenate
-from skinmap.neighbours.structures import find_structures
+from skinmap.neighbours.offsets import auto_radius, concatenate
+from skinmap.neighbours.structures import find_structures, usual_radius, usual_tolerance
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -360,8 +360,10 @@ class Layers:
     def _structures(self) -> Layer:
         """The most common periodic structures of all parts together, turned ones being one."""
         parts = list(self.skins)
-        hoods = concatenate([self.skins[part].hoods for part in parts])
-        found = find_structures(hoods, rotations=TURNS)
+        places = [self.skins[part].skin.positions for part in parts]
+        radius = auto_radius(places, near=usual_radius(places))
+        hoods = concatenate([self.skins[part].neighbourhoods(radius=radius) for part in parts])
+        found = find_structures(hoods, tolerance=usual_tolerance(hoods), rotations=TURNS)
         named = min(len(CATEGORIES), len(found.prototypes))
         rank = np.where(found.labels < 0, named + 1, np.minimum(found.labels, named))
         count = np.bincount(rank, minlength=named + 2)
@@ -372,8 +374,7 @@ class Layers:
         table = dict(zip(parts, ranks, strict=True))
         colours = (*CATEGORIES[:named], RARER, NONE)
         source = self._found(table)
-        radii = sorted({f"{1e3 * self.skins[part].radius:.3g}" for part in parts}, key=float)
-        title = f"periodic structure within {' to '.join([radii[0], *radii[1:][-1:]])} mm"
+        title = f"periodic structure within {1e3 * radius:.2f} mm"
         return categories("structures", title, tuple(names), colours, source)
 
     def _uncertainty(self) -> Layer:

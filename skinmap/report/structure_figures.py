@@ -19,6 +19,7 @@ GREY = "#b4bac1"
 COLOURS = 40  # structures with a colour of their own; more could not be distinguished
 COLUMNS = 12
 TOUCHES, SAMPLES = 6, 400  # of each gesture, and of what they read: for codewords
+BARS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # mm
 CELL = np.array([2.1, 2.5])  # of a structure, in its reaches: wide, high with its words
 
 
@@ -150,6 +151,7 @@ def _draw_prototypes(axis: Any, found: Structures, palette: FloatArray) -> None:
     axis.set_ylim(-(CELL[1] * max(rows - 1, 0) + 1.0) * reach, 1.4 * reach)
     axis.set_aspect("equal")
     axis.set_axis_off()
+    _draw_bar(axis)
 
 
 def _draw_members(axis: Any, places: FloatArray, labels: IntArray, palette: FloatArray) -> None:
@@ -159,3 +161,14 @@ def _draw_members(axis: Any, places: FloatArray, labels: IntArray, palette: Floa
     axis.set_aspect("equal")
     axis.autoscale_view()
     axis.set_axis_off()
+    _draw_bar(axis)
+
+
+def _draw_bar(axis: Any) -> None:
+    """A bar of a round length [mm] below the left corner of what is drawn."""
+    (left, right), (low, high) = axis.get_xlim(), axis.get_ylim()
+    length = max(one for one in BARS if one <= max(0.4 * (right - left), BARS[0]))
+    below = low - 0.02 * (high - low)
+    axis.plot([left, left + length], [below, below], color="black", linewidth=1.5, clip_on=False)
+    label = f"{length:g} mm"
+    axis.text(left, below - 0.01 * (high - low), label, fontsize=7, va="top")

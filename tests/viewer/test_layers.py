@@ -5,6 +5,7 @@ from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameErro
 from skinmap.live.moment import Moment
 from skinmap.live.touched_taxels import Touched, TouchedPart
 from skinmap.memory_features import FEATURES
+from skinmap.neighbours.offsets import auto_radius
 from skinmap.neighbours.structures import find_structures
 from skinmap.touch.load_calibration import LoadCalibration
 from viewer.drawing.skin.skin_view import signs_of
@@ -89,10 +90,12 @@ def test_distortion_is_the_edge_error_of_the_flat_map(layers, prepared):
 
 
 def test_structures_are_those_of_the_search_the_most_common_first(prepared):
-    layer = Layers({"torso": prepared("torso")}).get("structures")
+    skin = prepared("torso")
+    layer = Layers({"torso": skin}).get("structures")
     values = layer.values("torso", None)
-    found = find_structures(prepared("torso").hoods, rotations=6)
-    assert layer.title == "periodic structure within 8 mm"
+    radius = auto_radius([skin.skin.positions], near=0.008)  # as `skinmap structures` does
+    found = find_structures(skin.neighbourhoods(radius=radius), rotations=6)
+    assert layer.title == f"periodic structure within {1e3 * radius:.2f} mm"
     for s in range(4):
         np.testing.assert_array_equal(values == s, found.labels == s)
         assert layer.categories[s] == f"{s}: {found.counts[s]:,} taxels"
