@@ -30,7 +30,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 SPREAD = 2.1e-3  # of a pressure through foam, standard deviation [m]: mean of the tuned variants
 HELD = 0.3  # how strongly weights are held to plain areas
 STEPS = 12  # towards a load that explains the pressures: more of them follow the noise
-# What lies between taxels: 90 % of the forces lie within this share of theirs, with the pressures
+# What lies between taxels: over 90 % of the forces lie within this share of theirs, the pressures
 # exact. Of touches by the tuned variants of MuJoCo; `evaluate --protocol force` judges by another.
 BETWEEN = 0.22
 REACH = 4  # rings beyond the contact that may feel it, to no other contact's far side
