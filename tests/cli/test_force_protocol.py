@@ -22,6 +22,7 @@ def test_force_protocol_judges_touches_of_a_part_left_out() -> None:
     assert found["parts"] == ["left_leg_upper"]
     assert [row["name"] for row in found["by_body"]] == list(BODIES)
     assert whole["judged"] == whole["touches"] == 15
+    assert sum(row["touches"] for row in found["by_range"]) == 15
     # Asked for: 10 % at the median and 25 % at the 95th percentile, 8 degrees.
     assert whole["error_median"] < 0.10
     assert whole["error_p95"] < 0.30  # of 15 touches it is the worst one

@@ -96,6 +96,21 @@ def test_force_of_a_newton_is_a_newton_anywhere_on_a_curved_part(forearm: Prepar
     assert np.median(away) < 4.0
 
 
+@pytest.mark.parametrize("foam", [1.5e-3, 3e-3])
+def test_a_fingertip_weighs_alike_above_taxels_and_between_them(
+    forearm: PreparedSkin, foam: float
+) -> None:
+    bed, rng = spring_bed(forearm.skin, forearm.mesh), np.random.default_rng(3)
+    forces, feels, errors = PartForces(forearm), bed.spread(foam), []
+    for _ in range(100):
+        away = np.linalg.norm(bed.places - bed.places[rng.integers(len(bed.places))], axis=1)
+        load = np.maximum(1.0 - (away / 6e-3) ** 2, 0.0)
+        pressure = feels @ (load / load.sum())
+        found = exact(forces, pressure, np.flatnonzero(pressure > 500.0))
+        errors.append(abs(found.force.value - 1.0))
+    assert np.quantile(errors, 0.95) < 0.1  # weights alone are off by 13 %
+
+
 def test_force_bridges_a_taxel_without_an_answer(sheet: PreparedSkin) -> None:
     bed = spring_bed(sheet.skin, sheet.mesh)
     spot = sheet.skin.positions[112]

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 BODIES = ("poke", "full_finger", "three_finger", "whole_hand", "ball")
 TUNED_ON = ("torso", "left_forearm")  # parts whose touches set how wide the intervals are
+RANGES = {"within_range": True, "beyond_range": False}
 PEOPLE = 5
 NORMAL_90 = 1.645  # standard deviations on either side that hold 90 %
 STEPS, EACH, TOP = 9, 20, 1.2  # of the chamber: pressures, samples each, highest, 1 = firm finger
@@ -88,6 +89,9 @@ def work(settings: Settings) -> ForceResult:
         all=row("all", judged),
         by_body=[row(b, own) for b in BODIES if (own := [j for j in judged if j.body == b])],
         by_part=[row(p, own) for p in parts if (own := [j for j in judged if j.part == p])],
+        by_range=[
+            row(r, own) for r in RANGES if (own := [j for j in judged if j.whole == RANGES[r]])
+        ],
     )
 
 
@@ -220,7 +224,7 @@ def lines(result: ForceResult) -> Iterator[str | Table]:
     )
     yield Table.of(
         ForceRow,
-        [*result.by_body, *result.by_part, result.all],
+        [*result.by_body, *result.by_part, *result.by_range, result.all],
         "name= touches judged beyond:%=beyond_range force_n_median:.1f=median_[N] bias:% "
         "error_median:%=error,_median error_p95:%=95_% plain_error_median:%=plain_areas "
         "direction_deg_median:.1f=direction_[deg] holds:%=inside_the_interval "
@@ -228,6 +232,7 @@ def lines(result: ForceResult) -> Iterator[str | Table]:
         "bounds_hold:%=least_to_most",
     )
     yield "each touch is judged at its heaviest moment within the calibrated range"
+    yield "beyond_range: judged in passing, where MuJoCo's damper bears a part that no taxel feels"
     yield "plain areas: the control, median error of pressures times the areas of active taxels"
 
 

@@ -830,6 +830,8 @@ class ForceResult(Evaluated):
         Seeds of the repetitions.
     all, by_body, by_part
         Errors of the force.
+    by_range
+        Errors of touches that stay within the calibrated range, and of those that leave it.
     """
 
     protocol: Literal["force"] = "force"
@@ -841,6 +843,7 @@ class ForceResult(Evaluated):
     all: ForceRow
     by_body: list[ForceRow]
     by_part: list[ForceRow]
+    by_range: list[ForceRow]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
