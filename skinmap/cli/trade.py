@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ import click
 from skinmap import __version__
 from skinmap.commands.options import (
     Whole,
+    number,
     open_robot,
     out_folder,
     outside_option,
@@ -55,12 +55,7 @@ ALL = "all"
     show_default=True,
     help="Task to measure: flatten, classify, or all.",
 )
-@click.option(
-    "--max-ms",
-    multiple=True,
-    metavar="[TASK=]X",
-    help="Limit of the time, instead of one sample of a stream; may be repeated.",
-)
+@number("--max-ms", 0.0, 1e8, "Limit of the time, instead of one sample of a stream.")
 @click.option(
     "--seeds",
     type=Whole(1, 1000),
@@ -81,8 +76,8 @@ def command(out: Path | None, as_json: bool, **asked: Any) -> None:
 
     Recommended is the least error within the time there is: one sample of a stream, or what the
     default takes where that is longer. It is never worse than the default unless a limit asks
-    for that. A limit counts for every task measured, or for one: --max-ms flatten=20. With
-    --out the recommendation is written as profile.toml, which other commands take as --profile.
+    for that. With --out the recommendation is written as profile.toml, which other commands take
+    as --profile.
 
     \b
     Example:  skinmap trade icub --part right_forearm --out trade
@@ -104,7 +99,7 @@ def work(
     robot: str,
     parts: tuple[str, ...],
     names: tuple[str, ...],
-    max_ms: tuple[str, ...],
+    max_ms: float | None,
     seeds: int,
     profile: str | None,
 ) -> TradeResult:
@@ -120,7 +115,7 @@ def work(
     from skinmap.trade.measuring import measure
 
     chosen = _tasks(names)
-    limits = _limits(max_ms, chosen)
+    limit = None if max_ms is None else max_ms / 1e3
     loaded, wanted = open_robot(robot, parts)
     points: list[Point] = []
     failed: list[Unmeasured] = []
@@ -135,7 +130,7 @@ def work(
         failed += unmeasured
         points += [replace(one, pareto=on) for one, on in zip(own, pareto(own), strict=True)]
         if own:
-            recommended[name] = _recommended(chosen[name], own, limits.get(name))
+            recommended[name] = _recommended(chosen[name], own, limit)
     if not points:
         said = "; ".join(f"{one.task}: {one.reason}" for one in failed[:3])
         raise SkinError(f"nothing could be measured: {said}")
@@ -180,29 +175,6 @@ def _tasks(names: tuple[str, ...]) -> dict[str, TradeTask]:
     known = every_task()
     check_known("trade task", (name for name in names if name != ALL), known)
     return known if ALL in names else {name: known[name] for name in dict.fromkeys(names)}
-
-
-def _limits(words: tuple[str, ...], tasks: Mapping[str, TradeTask]) -> dict[str, float]:
-    """The time of each task [s]; `TASK=X` wins over a bare X, wherever it stands."""
-    from skinmap.errors import UnknownNameError
-
-    common: dict[str, float] = {}
-    own: dict[str, float] = {}
-    for word in words:
-        name, mark, number = word.rpartition("=")
-        try:
-            value = float(number) / 1e3
-        except ValueError:
-            value = math.nan
-        if not 0.0 < value < math.inf:
-            raise click.UsageError(f"--max-ms must be a number above 0, or TASK=X, got {word!r}")
-        if mark and name not in tasks:
-            raise UnknownNameError("task (of --max-ms)", name, tasks)
-        if mark:
-            own[name] = value
-        else:
-            common = dict.fromkeys(tasks, value)
-    return common | own
 
 
 def lines(result: TradeResult) -> Iterator[str | Table]:
@@ -282,5 +254,5 @@ def profile_text(result: TradeResult) -> str:
 
 def _toml(value: Value) -> str:
     """One value; a JSON string is a TOML string, and so are numbers and booleans."""
-    number = significant(value) if isinstance(value, float) else value
-    return json.dumps(number, ensure_ascii=False)
+    plain = significant(value) if isinstance(value, float) else value
+    return json.dumps(plain, ensure_ascii=False)
