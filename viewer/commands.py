@@ -348,7 +348,8 @@ def _counts(layer: str | None) -> bool:
 
 def _session(options: Mapping[str, Any]) -> Any:
     """The robot, its parts and all that was named for them."""
-    from viewer.inputs import are_checkups, is_load, read_covariances, read_responses
+    from skinmap.live.response.pressures import load_responses
+    from viewer.inputs import are_checkups, is_load, read_covariances
     from viewer.view_options import Session
 
     given = options["calibrations"]
@@ -365,13 +366,13 @@ def _session(options: Mapping[str, Any]) -> Any:
         model=options["model"],
         seed=options["seed"],
         speed=options["speed"],
-        responses=read_responses(options["responses"], robot, parts),
         covariances=read_covariances(tables, robot, parts),
         loads=loads,
         checkups=Path(histories[0]) if histories else None,
         touched_in=options["touched_in"],
     )
     session.prepare()
+    session.responses = load_responses(options["responses"], session.skins)
     return session
 
 
