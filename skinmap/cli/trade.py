@@ -6,7 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -31,13 +31,17 @@ from skinmap.trade.measuring import (
     Recommended,
     TaskRow,
     TradeResult,
+    TradeTask,
     Unmeasured,
+    chosen_of,
     defaults,
     describe,
+    measure,
+    pareto,
+    points_by_time,
+    recommend,
+    trade_figure,
 )
-
-if TYPE_CHECKING:
-    from skinmap.trade.measuring import TradeTask
 
 ALL = "all"
 
@@ -111,8 +115,6 @@ def work(
         Nothing could be measured, or no setting keeps a limit.
     """
     from skinmap.errors import SkinError
-    from skinmap.trade.front import pareto
-    from skinmap.trade.measuring import measure
 
     chosen = _tasks(names)
     limit = None if max_ms is None else max_ms / 1e3
@@ -153,8 +155,6 @@ def work(
 
 
 def _recommended(task: TradeTask, points: Sequence[Point], seconds: float | None) -> Recommended:
-    from skinmap.trade.front import recommend
-
     one, why = recommend(points, defaults(task.knobs), seconds)
     return Recommended(
         setting=one.setting, seconds=one.seconds, error=one.error, unit=one.unit, why=why
@@ -179,8 +179,6 @@ def _tasks(names: tuple[str, ...]) -> dict[str, TradeTask]:
 
 def lines(result: TradeResult) -> Iterator[str | Table]:
     """For people: every setting by its time, the front and the recommendation marked."""
-    from skinmap.trade.front import chosen_of, points_by_time
-
     for task in result.tasks:
         points = points_by_time(result, task.task)
         if not points:
@@ -209,8 +207,6 @@ def lines(result: TradeResult) -> Iterator[str | Table]:
 
 def write(result: TradeResult, stage: Path) -> Iterator[str]:
     """Write a plot of each task and the profile into a folder; their names."""
-    from skinmap.trade.front import trade_figure
-
     for task in result.tasks:
         if task.task in result.recommended:
             path = stage / f"{task.task}.png"

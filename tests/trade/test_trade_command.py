@@ -25,7 +25,7 @@ def sketched(request, monkeypatch):
     """Plots that are quickly drawn, but in the tests that look at them."""
     if "drawn" not in request.fixturenames:
         monkeypatch.setattr(
-            "skinmap.trade.front.trade_figure", lambda *arguments: arguments[-1].touch()
+            "skinmap.trade.measuring.trade_figure", lambda *arguments: arguments[-1].touch()
         )
 
 
