@@ -10,7 +10,6 @@ The Pareto front of measured settings, which of them is recommended, and its pic
 from __future__ import annotations
 
 import gc
-import importlib.metadata
 import logging
 import math
 import platform
@@ -25,6 +24,7 @@ import numpy as np
 
 from skinmap import __version__
 from skinmap.errors import ImpossibleBudgetError, SkinError
+from skinmap.imports import installed
 from skinmap.profile import Value
 from skinmap.report.page import plain_figure, save_figure
 from skinmap.report.result import MERGED
@@ -284,13 +284,8 @@ def machine() -> str:
 
 def versions() -> dict[str, str | None]:
     """Versions of what the figures depend on; None where it is not installed."""
-    found: dict[str, str | None] = {"skinmap": __version__, "python": platform.python_version()}
-    for name in LIBRARIES:
-        try:
-            found[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            found[name] = None
-    return found
+    libraries = {name: installed(name) for name in LIBRARIES}
+    return {"skinmap": __version__, "python": platform.python_version(), **libraries}
 
 
 T = TypeVar("T")
