@@ -20,7 +20,7 @@ from sklearn.svm import SVC
 
 import skinmap
 from benchmarks.harness.record import command
-from benchmarks.harness.timing import medians, quartiles, ratio_quartiles, take_turns, timed
+from benchmarks.harness.timing import medians, quartiles, ratio_quartiles, take_turns
 from benchmarks.live.live import TAUGHT, train
 from skinmap.arrays import FloatArray
 from skinmap.neighbours.offsets import (
@@ -103,21 +103,16 @@ def hoods_of(skins: dict[str, Placed], radius: float) -> Neighbourhoods:
 def time_row(name: str, skins: dict[str, Placed]) -> dict[str, Any]:
     """CPU time of neighbourhoods and structures together, compiled and, of a robot, not."""
     row: dict[str, Any] = {"what": "time", "skin": name}
-    for key, compiled in (("compiled", True), ("numpy", False)):
-        if key == "numpy" and name != "icub":
-            continue  # minutes
-        seconds = []
-        for _ in range(REPEATS + 1 if compiled else 1):
-            found, cpu, _ = timed(
-                lambda how=compiled: find_structures(
-                    hoods_of(skins, RADIUS), rotations=LATTICE, compiled=how
-                )
-            )
-            seconds.append(cpu)
-        tail = seconds[1:] or seconds
-        row[f"cpu_s_{key}_rotations_6"] = round(float(np.median(tail)), 3)
-        row[f"quartiles_s_{key}_rotations_6"] = quartiles(tail)
-        row["taxels"] = len(found.labels)
+    for key in ("compiled", "numpy")[: 1 + (name == "icub")]:  # of more taxels numpy takes minutes
+
+        def run(compiled: bool = key == "compiled") -> None:
+            hoods = hoods_of(skins, RADIUS)
+            found = find_structures(hoods, rotations=LATTICE, compiled=compiled)
+            row["taxels"] = len(found.labels)
+
+        times = take_turns({key: run}, REPEATS)[key]
+        row[f"cpu_s_{key}_rotations_6"] = round(times.median, 3)
+        row[f"quartiles_s_{key}_rotations_6"] = quartiles(times.cpu)
     return row
 
 
