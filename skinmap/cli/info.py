@@ -15,7 +15,6 @@ from pathlib import Path
 import click
 
 from skinmap.commands.options import PATH, open_robot, prints
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.display import has_display, window_class
 from skinmap.display import loads as loads_library
 from skinmap.errors import MissingLibraryError
@@ -272,7 +271,6 @@ class RecordingInfo:
     metavar="ROBOT",
     help="Robot whose skin it must be; it also names a dumper's folders.",
 )
-@retired(profile=NO_PROFILE)
 @prints(RecordingInfo, InstallationInfo)
 def command(recording: Path | None, robot: str | None, as_json: bool) -> None:
     """Describe a recording, or the installation.

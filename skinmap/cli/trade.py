@@ -16,12 +16,10 @@ from skinmap.commands.options import (
     number,
     open_robot,
     out_folder,
-    outside_option,
     part_option,
     prints,
 )
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import retired
 from skinmap.profile import FORMAT, PROFILE, Value
 from skinmap.report.present import present
 from skinmap.report.result import significant
@@ -48,7 +46,6 @@ ALL = "all"
 
 @click.command("trade")
 @click.argument("robot", default="icub", metavar="[ROBOT]")
-@outside_option
 @part_option
 @click.option(
     "--task",
@@ -68,12 +65,6 @@ ALL = "all"
     help="Number of repetitions, each with its own touches.",
 )
 @out_folder("a plot a task, profile.toml and report.html")
-@retired(
-    budget_ms="write --max-ms",
-    max_error="read the errors in the table, and give --max-ms the time of the one you want",
-    check="run trade again and compare",
-    seed="touches are drawn by the numbers of --seeds, from 0",
-)
 @prints(TradeResult)
 def command(out: Path | None, as_json: bool, **asked: Any) -> None:
     """Measure the time and error of each setting, and recommend one for each task.
