@@ -13,12 +13,7 @@ from typing import TYPE_CHECKING, Literal, cast
 import click
 import msgspec
 
-from calibration.commands.calibration_options import (
-    FILE,
-    Outputs,
-    PatchFiles,
-    outputs,
-)
+from calibration.commands.calibration_options import FILE, Outputs, PatchFiles, outputs
 from calibration.commands.results import Grade, PatchResult
 from skinmap.commands.options import prints
 from skinmap.commands.progress import progress

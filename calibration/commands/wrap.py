@@ -7,13 +7,7 @@ from pathlib import Path
 
 import click
 
-from calibration.commands.calibration_options import (
-    FILE,
-    Outputs,
-    PatchFiles,
-    mesh_option,
-    outputs,
-)
+from calibration.commands.calibration_options import FILE, Outputs, PatchFiles, mesh_option, outputs
 from calibration.commands.results import PatchResult
 from skinmap.commands.options import PICTURE, prints, units_option
 from skinmap.commands.overwriting import guard

@@ -11,14 +11,7 @@ from typing import Any
 import click
 
 from skinmap import __version__
-from skinmap.commands.options import (
-    Whole,
-    number,
-    open_robot,
-    out_folder,
-    part_option,
-    prints,
-)
+from skinmap.commands.options import Whole, number, open_robot, out_folder, part_option, prints
 from skinmap.commands.progress import progress
 from skinmap.profile import FORMAT, PROFILE, Value
 from skinmap.report.present import present
