@@ -18,12 +18,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from contextlib import suppress
 from dataclasses import dataclass, fields, is_dataclass
 from functools import lru_cache
-from importlib import metadata
-from importlib.metadata import PackageNotFoundError
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from skinmap.errors import DAMAGED_ARCHIVE, InvalidArrayError, SkinWarning
+from skinmap.imports import installed
 
 if TYPE_CHECKING:  # who only asks what is kept needs no arrays
     import numpy as np
@@ -42,8 +41,6 @@ LIMIT_MB = 1000.0
 SIZE = 16  # bytes of a key: two of a million million share one with a chance of 1e-15
 ABANDONED = 3600.0  # age of a half-written file from which whoever wrote it is gone [s]
 SUFFIX, PARTIAL = ".npz", ".partial"
-
-version = lru_cache(metadata.version)  # a distribution's metadata are read once in a process
 
 
 class CacheWarning(SkinWarning):
@@ -228,7 +225,8 @@ def cached(
     if cache is None:
         return make()
     code = _code(getattr(sys.modules.get(make.__module__), "__file__", None))
-    key = content_key(kind, code, *map(_version, ("skinmap", "numpy", *made_by)), *ingredients)
+    versions = (f"{name} {installed(name) or 'none'}" for name in ("skinmap", "numpy", *made_by))
+    key = content_key(kind, code, *versions, *ingredients)
     kept = cache.get(kind, key)
     if kept is not None:
         return kept
@@ -355,10 +353,3 @@ def default_folder() -> Path:
     """
     base = os.environ.get("XDG_CACHE_HOME", "")
     return (Path(base) if Path(base).is_absolute() else Path.home() / ".cache") / "skinmap"
-
-
-def _version(distribution: str) -> str:
-    try:
-        return f"{distribution} {version(distribution)}"
-    except PackageNotFoundError:
-        return f"{distribution} none"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+from functools import cache
+from importlib import metadata
 from typing import Any
 
 from skinmap.errors import MissingLibraryError
@@ -20,6 +22,15 @@ def import_meshlab() -> Any:
         "pymeshlab",
         "wrapping a body and `--meshing accurate` need pymeshlab (GPL-3): pip install pymeshlab",
     )
+
+
+@cache
+def installed(package: str) -> str | None:
+    """The version of a distribution, read once in a process; None where it is not installed."""
+    try:
+        return metadata.version(package)
+    except metadata.PackageNotFoundError:
+        return None
 
 
 def import_optional(module: str, need: str) -> Any:

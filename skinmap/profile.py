@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, TypeVar
+from typing import Annotated, Any
 
 import msgspec
 
@@ -22,12 +22,10 @@ FORMAT = 1
 MAX_BYTES = 2**16  # a profile has about one kB
 PROFILE = "profile.toml"  # as `skinmap trade --out` calls it
 ABOUT = "profile"  # the table on where a profile is from
-PREDICTED = "predicted"
+PREDICTED = "predicted"  # a table of figures for people
 WHAT = "a profile (.toml, as `skinmap trade` writes it)"
 
 Value = str | int | float | bool
-Cost = Annotated[float, msgspec.Meta(ge=0, le=1.7e308)]  # which infinity is not
-T = TypeVar("T", bound=msgspec.Struct)
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,27 +116,16 @@ class Profile:
     Attributes
     ----------
     path : Path
-    skinmap : str
-        The version that it was measured with.
-    robot, part, machine : str
+    robot, part : str
         What it was measured on; empty where it does not say.
     settings : mapping of str to mapping of str to value
         Knobs by task.
-    predicted : mapping of str to mapping of str to value
-        By task, `seconds`, `error` and its `unit`, as far as they are given.
-    seed, seeds : int or None
-        The first seed that it was measured with, and how many.
     """
 
     path: Path
-    skinmap: str
     robot: str
     part: str
-    machine: str
     settings: Mapping[str, Mapping[str, Value]]
-    predicted: Mapping[str, Mapping[str, Value]]
-    seed: int | None = None
-    seeds: int | None = None
 
 
 def read_profile(path: Path | str) -> Profile:
@@ -175,15 +162,10 @@ def read_profile(path: Path | str) -> Profile:
         if name not in KNOBS:
             raise UnknownNameError(f"table of a profile ({path})", name, [ABOUT, *KNOBS])
     settings: dict[str, Mapping[str, Value]] = {}
-    predicted: dict[str, Mapping[str, Value]] = {}
     for task, entry in read.items():
         if not isinstance(entry, dict):
             raise DataFormatError(f"{task!r} must be a table [{task}], got {shown(entry)}", path)
-        knobs = dict(entry)
-        if PREDICTED in knobs:
-            table = knobs.pop(PREDICTED)
-            _check_table(table, _Predicted, f"{task}.{PREDICTED}", path)
-            predicted[task] = table
+        knobs = {name: value for name, value in entry.items() if name != PREDICTED}
         settings[task] = _settings(task, knobs, path)
     if about.skinmap != __version__:
         warnings.warn(
@@ -192,9 +174,7 @@ def read_profile(path: Path | str) -> Profile:
             SkinWarning,
             stacklevel=2,
         )
-    origin = msgspec.structs.asdict(about)
-    del origin["format"]
-    return Profile(path, settings=settings, predicted=predicted, **origin)
+    return Profile(path, about.robot, about.part, settings)
 
 
 def _read_toml(path: Path) -> dict[str, Any]:
@@ -233,15 +213,6 @@ class _About(msgspec.Struct):
     seeds: Annotated[int, msgspec.Meta(ge=1, le=1000)] | None = None
 
 
-class _Predicted(msgspec.Struct):
-    """The table `[TASK.predicted]`."""
-
-    seconds: Cost | None = None
-    error: Cost | None = None
-    unit: str | None = None
-    pace: Cost | None = None  # in profiles of before; nothing reads it
-
-
 def _about(table: object, path: Path) -> _About:
     """Where the profile is from."""
     if not isinstance(table, dict):
@@ -252,14 +223,10 @@ def _about(table: object, path: Path) -> _About:
         raise DataFormatError(f"format of a profile: expected {FORMAT}, got {came}", path)
     if "skinmap" not in table:
         raise DataFormatError(f"[{ABOUT}] lacks the version of skinmap that wrote it", path)
-    return _check_table(table, _About, ABOUT, path)
-
-
-def _check_table(table: object, kind: type[T], name: str, path: Path) -> T:
-    for key in table if isinstance(table, dict) else ():
-        if key not in kind.__struct_fields__:
-            raise UnknownNameError(f"key of [{name}] ({path})", key, kind.__struct_fields__)
-    return checked(table, kind, what=f"[{name}]", fail=partial(DataFormatError, path=path))
+    for key in table:
+        if key not in _About.__struct_fields__:
+            raise UnknownNameError(f"key of [{ABOUT}] ({path})", key, _About.__struct_fields__)
+    return checked(table, _About, what=f"[{ABOUT}]", fail=partial(DataFormatError, path=path))
 
 
 def _settings(task: str, table: dict[str, Any], path: Path) -> dict[str, Value]:

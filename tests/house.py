@@ -77,13 +77,11 @@ def names_twice() -> list[str]:
 
 
 def options() -> dict[str, int]:
-    """How many options each command has; one that only answers what to write instead is none."""
+    """How many options each command has."""
     from skinmap.cli.main import cli
-    from skinmap.commands.retired import RetiredOption
 
     def own(command: click.Command, words: str) -> Iterator[tuple[str, int]]:
         given = [one for one in command.params if isinstance(one, click.Option)]
-        given = [one for one in given if not isinstance(one, RetiredOption)]
         yield words, sum(one.name != "help" for one in given)
         if isinstance(command, click.Group):
             ctx = click.Context(command)

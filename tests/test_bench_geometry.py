@@ -27,7 +27,6 @@ def quick(tmp_path_factory) -> dict:
     ]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     subprocess.run(command, check=True, capture_output=True, env=environment, cwd=ROOT)
-    assert (out / "cost_of_flattening.png").stat().st_size > 10_000
     return json.loads((out / "geometry.json").read_text(encoding="utf-8"))
 
 

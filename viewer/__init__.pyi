@@ -2,10 +2,10 @@
 
 from viewer.export.html_page import write_gltf as write_gltf
 from viewer.export.html_page import write_html as write_html
-from viewer.export.movie import write_movie as write_movie
 from viewer.layers import Layers as Layers
 from viewer.playing.player import Player as Player
 from viewer.scene import Scene as Scene
+from viewer.view_files import write_movie as write_movie
 from viewer.web.server import serve as serve
 from viewer.window import play as play
 

@@ -28,14 +28,12 @@ from skinmap.commands.options import (
     speed_option,
 )
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 from viewer.results import LAYERS, DemoResult, ViewFiles, ViewPage, ViewWindow
 
 RECORDINGS = (".mcap", ".npz", ".xdf", ".log", ".db3")
 MOST_COUNTED = 20_000_000  # bytes of a recording that touches are counted in unasked
 ANYWHERE = "127.0.0.1:0"
-IN_VIEW_FILE = "write it in --view-file (docs/viewer.md)"
 PATH = click.Path(path_type=Path)
 FILE = click.Path(path_type=Path, dir_okay=False)
 
@@ -44,7 +42,6 @@ FILE = click.Path(path_type=Path, dir_okay=False)
 @out_folder("pictures, movie, report and numbers", default="skinmap-demo")
 @part_option
 @seed_option
-@retired(profile=NO_PROFILE, view="write skinmap view icub for a window")
 @prints(DemoResult)
 def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
     """From the iCub's files to named touches on its body.
@@ -127,20 +124,6 @@ def demo(out: Path, parts: tuple[str, ...], seed: int, as_json: bool) -> None:
     help="Serve the scene to a browser, at a free port of this machine or at an address.",
 )
 @seed_option
-@retired(
-    **dict.fromkeys(("style", "links", "pose", "size"), IN_VIEW_FILE),
-    range="write ranges in --view-file (docs/viewer.md)",
-    unit="each layer has one unit; write ranges in --view-file (docs/viewer.md)",
-    follow='write a camera of mode "auto" in --view-file (key v of the window saves one)',
-    detail="links are drawn as fine as the picture is",
-    contour_rate="contours are found anew with each sample",
-    loop="press l in the window or the page",
-    gltf="write --screenshot FILE.glb",
-    host="write --web HOST:PORT",
-    port="write --web PORT",
-    token="set SKINMAP_TOKEN: every user of this machine reads a command line",
-    profile=NO_PROFILE,
-)
 @prints(ViewFiles, ViewWindow, ViewPage)
 def view(**options: Any) -> None:
     """Show touches on the robot's body, with the flat map of the touched part beside it.
@@ -348,7 +331,8 @@ def _counts(layer: str | None) -> bool:
 
 def _session(options: Mapping[str, Any]) -> Any:
     """The robot, its parts and all that was named for them."""
-    from viewer.inputs import are_checkups, is_load, read_covariances, read_responses
+    from skinmap.live.response.pressures import load_responses
+    from viewer.inputs import are_checkups, is_load, read_covariances
     from viewer.view_options import Session
 
     given = options["calibrations"]
@@ -365,13 +349,13 @@ def _session(options: Mapping[str, Any]) -> Any:
         model=options["model"],
         seed=options["seed"],
         speed=options["speed"],
-        responses=read_responses(options["responses"], robot, parts),
         covariances=read_covariances(tables, robot, parts),
         loads=loads,
         checkups=Path(histories[0]) if histories else None,
         touched_in=options["touched_in"],
     )
     session.prepare()
+    session.responses = load_responses(options["responses"], session.skins)
     return session
 
 

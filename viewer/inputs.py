@@ -6,12 +6,10 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from calibration.files.tables import ENTRIES
-from calibration.response.response import load_response
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import (
     DataFormatError,
@@ -22,7 +20,6 @@ from skinmap.errors import (
 from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE, read_taxels
 from skinmap.io.text import CsvRows, read_text
 from skinmap.skin.robot import Robot
-from skinmap.skin.skin import fingerprint
 from viewer.drawing.body.bare_body import posed
 from viewer.layers import check_layer
 from viewer.web.guard import LOOPBACK, check_token
@@ -119,38 +116,6 @@ def read_covariances(
         channels, covariances = _covariances(path)
         part = part or _owner(channels, robot, parts, path)
         found[part] = _in_order(channels, covariances, robot.skin(part).channels, path, part)
-    return found
-
-
-def read_responses(names: Sequence[str], robot: Robot, parts: Sequence[str]) -> dict[str, Any]:
-    """Response calibrations by part from files, each "FILE" or "PART=FILE".
-
-    Raises
-    ------
-    DataFormatError, SkinMismatchError
-        Not a response calibration, or one of another skin.
-    """
-    found = {}
-    for name in names:
-        part, path = _named(name, robot)
-        response = load_response(path)
-        if not part:
-            known = response.fingerprint
-            part = next((one for one in robot.parts if fingerprint(robot.skin(one)) == known), "")
-        if not part and not response.fingerprint and len(parts) == 1:
-            part = parts[0]
-        if not part:
-            raise SkinMismatchError(
-                f"{path}: the calibration has no part of {robot.name!r} that could be recognised; "
-                "name it: PART=FILE"
-            )
-        skin = robot.skin(part)
-        load_response(path, fingerprint=fingerprint(skin) if response.fingerprint else "")
-        if len(response.health) != len(robot.skin(part)):
-            raise SkinMismatchError(
-                f"{path}: {len(response.health)} taxels, {part!r} has {len(robot.skin(part))}"
-            )
-        found[part] = response
     return found
 
 

@@ -1,6 +1,6 @@
 """Two touches at once, grouped and named right on parts of the iCub that hold two (simulated).
 
-    python -m benchmarks.classify.touches [--seeds 5] [--touches 12]
+    python -m benchmarks.classify.touches [--quick]
 
 writes benchmarks/results/touches.json: touches that vary, and plain ones of fixed pads on clean
 sensors, each learnt from their own kind. Scores are per touch event, and "unknown" counts as wrong.
@@ -8,15 +8,13 @@ sensors, each learnt from their own kind. Scores are per touch event, and "unkno
 
 from __future__ import annotations
 
-import argparse
 from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
 
 import skinmap
-from benchmarks.harness.origin import watched
-from benchmarks.harness.record import RESULTS, about, write
+from benchmarks.harness.record import command
 from skinmap.recognition.classifier import TouchClassifier
 from skinmap.recognition.descriptors import Touch, recorded_touches
 from skinmap.recognition.naming import all_right, name_touches
@@ -45,7 +43,15 @@ def skins_of(robot: str, parts: Sequence[str] = ()) -> dict[str, PreparedSkin]:
     return {part: PreparedSkin(loaded.skin(part)) for part in parts or loaded.parts}
 
 
-def measure(variety: float, seeds: int, count: int) -> dict[str, Any]:
+def measure(quick: bool) -> dict[str, Any]:
+    """Touches that vary, and plain ones."""
+    seeds, count = (1, 2) if quick else (5, 12)
+    pairs = {"pairs": 1.0, "plain_pairs": 0.0}
+    rows = {name: pair_row(variety, seeds, count) for name, variety in pairs.items()}
+    return {"accuracy_is": "simulated", **rows}
+
+
+def pair_row(variety: float, seeds: int, count: int) -> dict[str, Any]:
     """Shares of pairs with both names right, and of single touches under the same grouping."""
     robot, skins = skinmap.load_robot("icub"), skins_of("icub")
     right: dict[str, list[bool]] = {part: [] for part in skins}
@@ -94,13 +100,4 @@ def named(
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=5)
-    parser.add_argument("--touches", type=int, default=12)
-    options = parser.parse_args()
-    head = about("full")
-    with watched() as pieces:
-        varied, plain = (measure(v, options.seeds, options.touches) for v in (1.0, 0.0))
-    made = {**head, "code": " ".join(sorted(pieces))}
-    result = {"made": made, "accuracy_is": "simulated", "pairs": varied, "plain_pairs": plain}
-    write(RESULTS / "touches.json", result)
+    command(measure, __doc__, "touches")

@@ -1,15 +1,13 @@
 """Surface meshes, flat maps and contact images, with the peers in one run: `make bench-geometry`.
 
-Writes benchmarks/results/geometry.json and cost_of_flattening.png. CPU time of one thread; C is
-one sparse Cholesky (or LDL or LU) factorisation of the same mesh's cotangent Laplacian by the
-fastest solver installed, measured in turns with everything else. `--quick` takes 1,000 vertices
-only and leaves out what takes long.
+Writes benchmarks/results/geometry.json. CPU time of one thread; C is one sparse Cholesky (or LDL or
+LU) factorisation of the same mesh's cotangent Laplacian by the fastest solver installed, measured
+in turns with everything else. `--quick` takes 1,000 vertices only and leaves out what takes long.
 """
 
 from __future__ import annotations
 
 import importlib.util
-import json
 import math
 import resource
 import sys
@@ -226,7 +224,6 @@ def meshing_rows(sizes: tuple[int, ...]) -> list[dict[str, Any]]:
 CYSKIN = Path(__file__).resolve().parents[3] / "shared" / "data" / "cyskin" / "ur10e"
 SIZES = (1_000, 3_000, 10_000, 30_000, 100_000)
 LARGE = 1_000_000
-PLOTTED = (*OURS, "libigl LSCM", "libigl ARAP-10 from BFF", "libigl SLIM-2 from BFF")
 BATCH = 64
 ROUNDS = 7
 CASES = ((768, (66, 100), 400), (10_000, (512, 512), 20))
@@ -249,27 +246,11 @@ def measure(quick: bool, *, sizes: tuple[int, ...] = SIZES, large: int = LARGE) 
         rows += large_rows(large)
     result: dict[str, Any] = {
         "flattening": rows,
-        "exponents": exponents(rows),
         "icub": icub_row(repeats=1 if quick else 5),
         "ur10e": ur10e_row(),
         "meshing": meshing_rows((1_000,) if quick else (1_000, 10_000)),
     }
     return result if quick else result | {"contact_images": contact_image_rows()}
-
-
-def seconds_by_size(rows: list[dict[str, Any]], method: str) -> dict[int, float]:
-    """Seconds of a method by number of vertices, the smallest first."""
-    return dict(sorted((row["n"], row["seconds"]) for row in rows if row.get("method") == method))
-
-
-def exponents(rows: list[dict[str, Any]]) -> dict[str, float]:
-    """Slope of log seconds over log n of each method, from 10,000 vertices on where possible."""
-    fits = {}
-    for name in dict.fromkeys(row["method"] for row in rows if "method" in row):
-        large = [pair for pair in seconds_by_size(rows, name).items() if pair[0] >= 9_000]
-        if len(large) >= 2:
-            fits[name] = float(np.polyfit(*np.log(large).T, 1)[0])
-    return fits
 
 
 def icub_row(repeats: int) -> dict[str, Any]:
@@ -329,38 +310,6 @@ def theirs_row(path: Path) -> dict[str, Any]:
         "ours_percent": max(one.edge_rms_percent for one in found.patches),
         "theirs_percent": min(one.edge_rms_percent or math.inf for one in found.compare),
     }
-
-
-def plot(rows: list[dict[str, Any]], fits: dict[str, float], target: Path) -> None:
-    """CPU seconds against vertices, both logarithmic, with the fitted exponents."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    from matplotlib import pyplot
-
-    figure, axes = pyplot.subplots(figsize=(7.5, 5.0), layout="constrained")
-    factors = sorted((row["n"], row["seconds"]) for row in rows if row.get("is_C"))
-    axes.loglog(*zip(*factors, strict=True), "k--", lw=1, label="C: one factorisation")
-    for name in PLOTTED:
-        points = seconds_by_size(rows, name).items()
-        slope = f", n^{fits[name]:.2f}" if name in fits else ""
-        style = ":s" if name.startswith("libigl") else "-o"
-        axes.loglog(*zip(*points, strict=True), style, ms=4, label=name + slope)
-    axes.set_xlabel("vertices n")
-    axes.set_ylabel("CPU time of one thread [s]")
-    axes.set_title("Cost of flattening a saddle")
-    axes.grid(which="major", alpha=0.3)
-    axes.legend(frameon=False, fontsize=9)
-    figure.savefig(target, dpi=110)
-    pyplot.close(figure)
-
-
-def main(arguments: list[str] | None = None) -> None:
-    """Measure, write, and plot beside the file."""
-    target = command(measure, __doc__, "geometry", arguments)
-    if target is not None:
-        found = json.loads(target.read_text(encoding="utf-8"))
-        plot(found["flattening"], found["exponents"], target.with_name("cost_of_flattening.png"))
 
 
 def lattice(n: int, aspect: float) -> Skin:
@@ -436,4 +385,4 @@ def contact_image_rows() -> list[dict[str, object]]:
 
 
 if __name__ == "__main__":
-    main()
+    command(measure, __doc__, "geometry")

@@ -16,13 +16,13 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from datetime import UTC, datetime
-from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
 from benchmarks import ROOT
 from benchmarks.harness.origin import watched
+from skinmap.imports import installed
 
 RESULTS = ROOT / "benchmarks" / "results"
 FORMAT = 1  # of the files
@@ -51,21 +51,10 @@ def about(form: str) -> dict[str, Any]:
         "date": datetime.now(UTC).date().isoformat(),
         "form": form,
         "python": platform.python_version(),
-        "versions": versions(LIBRARIES),
+        "versions": {name: installed(name) or "not installed" for name in LIBRARIES},
         "machine": machine(),
         "threads": int(os.environ.get("OMP_NUM_THREADS", "0")) or "all",
     }
-
-
-def versions(names: Iterable[str]) -> dict[str, str]:
-    """Versions of libraries, or that they are not installed."""
-    found = {}
-    for name in names:
-        try:
-            found[name] = version(name)
-        except PackageNotFoundError:
-            found[name] = "not installed"
-    return found
 
 
 def commit() -> str:

@@ -83,7 +83,7 @@ def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def take_turns(tasks: Mapping[str, Task], rounds: int) -> dict[str, Times]:
+def take_turns(tasks: Mapping[str, Task], rounds: int, *, settling: int = 0) -> dict[str, Times]:
     """Times of each task over rounds in which they take turns.
 
     Parameters
@@ -91,6 +91,8 @@ def take_turns(tasks: Mapping[str, Task], rounds: int) -> dict[str, Times]:
     tasks : mapping of str to callable, or of callable and how often it is called in a turn
         A turn's time is divided by that number.
     rounds : int
+    settling : int
+        Calls before each turn whose time is not taken.
     """
     table = {name: task if isinstance(task, tuple) else (task, 1) for name, task in tasks.items()}
     cpu: dict[str, list[float]] = {name: [] for name in table}
@@ -99,6 +101,8 @@ def take_turns(tasks: Mapping[str, Task], rounds: int) -> dict[str, Times]:
         run()
     for _ in range(rounds):
         for name, (run, repeats) in table.items():
+            for _ in range(settling):
+                run()
             began, spent = time.perf_counter(), time.process_time()
             for _ in range(repeats):
                 run()

@@ -1,6 +1,6 @@
 """A recording of a day: how soon it is there, how quickly its touches and names are found.
 
-python -m benchmarks.viewer.viewer_day [HOURS]
+    python -m benchmarks.viewer.viewer_day [--quick]
 
 The torso of the iCub at 50 samples a second, touched for a second or two in each minute (simulated
 touches, repeated), at rest between. Two files are opened: as it is written, and a copy that was cut
@@ -10,8 +10,6 @@ the machine's load average is kept with them.
 
 from __future__ import annotations
 
-import os
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -20,7 +18,7 @@ from typing import Any
 import numpy as np
 
 import skinmap
-from benchmarks.harness.record import RESULTS, afresh, write
+from benchmarks.harness.record import afresh, command
 from benchmarks.harness.timing import peak_mb, timed
 from skinmap.io.mcap.writing import McapRecording
 from viewer.playing.overview import fill_overview
@@ -101,14 +99,14 @@ def measured(path: Path, hours: float) -> dict[str, Any]:
     return found
 
 
-def main() -> None:
-    """Write, measure each file in a process of its own, keep what was found."""
-    hours = float(sys.argv[1]) if len(sys.argv) > 1 else 24.0
+def measure(quick: bool) -> dict[str, Any]:
+    """Write, and measure each file in a process of its own."""
+    hours = 0.1 if quick else 24.0
     with tempfile.TemporaryDirectory() as folder:
         day, bare = Path(folder) / "day.mcap", Path(folder) / "bare.mcap"
         touches, _, seconds = timed(lambda: write_day(day, hours))
         kept: dict[str, Any] = {
-            "hours": hours, "touches": touches, "load_average": os.getloadavg()[0],
+            "hours": hours, "touches": touches,
             "written_s": round(seconds), "file_mb": day.stat().st_size // 10**6,
         }  # fmt: skip
         data = day.read_bytes()
@@ -116,9 +114,8 @@ def main() -> None:
         del data
         for name, path in (("with_overview", day), ("without_overview", bare)):
             kept[name] = afresh(measured, path, hours)
-            print(name, kept[name], flush=True)
-    write(RESULTS / "viewer_day.json", kept)
+    return kept
 
 
 if __name__ == "__main__":
-    main()
+    command(measure, __doc__, "viewer_day")

@@ -7,6 +7,7 @@ updates is `make soak`.
 
 from __future__ import annotations
 
+import itertools
 import subprocess
 import sys
 import time
@@ -18,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.harness.record import afresh, command
-from benchmarks.harness.timing import children_seconds, peak_mb, quartiles
+from benchmarks.harness.timing import children_seconds, peak_mb, quartiles, take_turns
 from benchmarks.viewer.viewer_soak import ages, moments, soak
 from skinmap.geometry.rigid import transform_points
 from skinmap.geometry.triangles import TriangleMesh
@@ -185,21 +186,12 @@ def moving(scene: Any) -> Frame:
 
 def cpu_ms(kinds: dict[str, Frame], rounds: int) -> list[dict[str, Any]]:
     """Median and quartiles over rounds in which all kinds take turns."""
-    times: dict[str, list[float]] = {name: [] for name in kinds}
-    number = 0
-    for _ in range(rounds):
-        for name, draw in kinds.items():
-            for _ in range(3):  # what the kind before left is not its own cost
-                number += 1
-                draw(number)
-            started = time.process_time()
-            for _ in range(REPEATS):
-                number += 1
-                draw(number)
-            times[name].append((time.process_time() - started) / REPEATS * 1e3)
+    number = itertools.count(1)
+    tasks = {name: (lambda draw=draw: draw(next(number)), REPEATS) for name, draw in kinds.items()}
     rows = []
-    for name, values in times.items():
-        low, middle, high = np.quantile(values, [0.25, 0.5, 0.75]).tolist()
+    # What the kind before left is not a kind's own cost.
+    for name, times in take_turns(tasks, rounds, settling=3).items():
+        low, middle, high = times.row(1e3)["cpu"]
         rows.append({"what": name, "cpu_ms": middle, "quartiles": (low, high)})
         print(f"{name}: {middle:.2f} ms ({low:.2f} to {high:.2f})")
     return rows

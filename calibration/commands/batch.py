@@ -13,18 +13,10 @@ from typing import TYPE_CHECKING, Literal, cast
 import click
 import msgspec
 
-from calibration.commands.calibration_options import (
-    FILE,
-    NO_EFFORT,
-    NO_SEED,
-    Outputs,
-    PatchFiles,
-    outputs,
-)
+from calibration.commands.calibration_options import FILE, Outputs, PatchFiles, outputs
 from calibration.commands.results import Grade, PatchResult
 from skinmap.commands.options import prints
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import retired
 from skinmap.commands.spreading import WorkerOptions, workers_options
 from skinmap.errors import DataFormatError, SkinError, unknown_name
 from skinmap.io.text import UNITS
@@ -86,12 +78,6 @@ class BatchResult:
     "a folder with taxels.csv and report.html for each patch",
     required=True,
     accept="Write taxels and exit 0 whatever the status.",
-)
-@retired(
-    **NO_EFFORT,
-    seed=NO_SEED,
-    sigma_mm="write a column sigma in the files of anchors; without one it is 1 mm",
-    units="write a column units in the table",
 )
 @workers_options(resume=False)
 @prints(BatchResult)

@@ -12,7 +12,6 @@ import click
 
 from calibration.commands.results import judged
 from skinmap.commands.options import open_robot, out_folder
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.errors import SkinMismatchError
 from skinmap.report.present import present
 
@@ -21,11 +20,7 @@ if TYPE_CHECKING:
     from skinmap.skin.skin import Skin
 
 FILE = click.Path(path_type=Path, dir_okay=False)
-NO_LOSS = "outliers never pull"
-NO_SEED = "the same files always give the same result"
-WORK = "a patch gets the work that its accuracy needs"
 SIGMA = 1e-3  # error of a coordinate where no file has it [m]
-NO_EFFORT = {"starts": WORK, "steps": WORK, "wrap_detail_mm": WORK, "profile": NO_PROFILE}
 F = TypeVar("F", bound=Callable[..., Any])
 R = TypeVar("R", bound="Calibrated")
 
@@ -140,7 +135,6 @@ def outputs(
             return command(output=output, **given)
 
         found = click.option("--accept", is_flag=True, help=accept)(gathered)
-        found = retired(format="write skinmap export taxels.csv --format icub -o taxels.txt")(found)
         return cast("F", out_folder(folder, required=required)(found))
 
     return add

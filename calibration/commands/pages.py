@@ -14,6 +14,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.rigid import transform_points
 from skinmap.geometry.triangles import face_normals
+from skinmap.report.flat_figures import View, draw_surface
 from skinmap.report.page import (
     heading,
     image,
@@ -24,7 +25,6 @@ from skinmap.report.page import (
     plain_figure,
     verdict_lines,
 )
-from skinmap.report.projection import View, draw_surface
 from skinmap.report.table import Table
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.calibration_options import FILE, NO_SEED, Outputs, outputs
+from calibration.commands.calibration_options import FILE, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Spread, grade
 from skinmap.commands.options import (
     open_robot,
@@ -18,7 +18,6 @@ from skinmap.commands.options import (
     robot_option,
 )
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.errors import InvalidArrayError
 
 PROPOSED = 3  # poses for the next presses
@@ -140,14 +139,6 @@ class PlaneResult(Calibrated):
     "link. Repeat it for surfaces 1, 2, ...  Unknown by default.",
 )  # fmt: skip
 @outputs("mounts, taxels and the report")
-@retired(
-    joint_sigma_deg="zeros may be off by 0.5 degrees (sd); fit_plane(joint_sigma=...) in Python",
-    drop_inconsistent="leave the presses that are named out of the file",
-    threshold="a taxel is active from 8 counts above rest",
-    seed=NO_SEED,
-    profile=NO_PROFILE,
-    next="three poses are proposed",
-)
 @prints(PlaneResult)
 def plane(robot: str | None, parts: tuple[str, ...], output: Outputs, **how: Any) -> None:
     """Mounts of skin patches that a robot pressed on a flat surface in many poses.

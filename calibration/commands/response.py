@@ -13,7 +13,6 @@ from calibration.commands.calibration_options import FILE, Outputs, outputs, ski
 from calibration.commands.results import Calibrated
 from skinmap.commands.options import prints
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.rows import percent
 from skinmap.summary import first_few
 
@@ -64,11 +63,6 @@ class ResponseResult(Calibrated):
               ".npz `samples, loads`. Pressures get the unit of the loads.")  # fmt: skip
 @skin_options
 @outputs("response.npz and the report")
-@retired(
-    profile=NO_PROFILE,
-    sign="write it in the .npz: a number sign, -1 where harder presses read lower",
-    rate="write it in the .npz: an array rate, or times",
-)
 @prints(ResponseResult)
 def response(output: Outputs, **given: Any) -> None:
     """Baseline, noise, threshold, gain and health of each channel.

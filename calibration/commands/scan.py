@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from calibration.commands.calibration_options import FILE, NO_SEED, Outputs, mesh_option, outputs
+from calibration.commands.calibration_options import FILE, Outputs, mesh_option, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, grade
 from skinmap.commands.options import prints, units_option
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.result import plain
 
 if TYPE_CHECKING:
@@ -92,12 +91,6 @@ class ScanFiles:
 @outputs(
     "pose.json and report.html",
     required=True,
-)
-@retired(
-    scan="name it without --scan: skinmap calibrate scan SCAN --mesh LINK",
-    initial="give --anchors, or move the scan first",
-    seed=NO_SEED,
-    profile=NO_PROFILE,
 )
 @prints(ScanResult)
 def scan(output: Outputs, **given: Any) -> None:

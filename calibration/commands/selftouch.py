@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from calibration.commands.calibration_options import NO_LOSS, NO_SEED, Outputs, outputs
+from calibration.commands.calibration_options import Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Probe, grade
-from skinmap.commands.options import open_robot, outside_option, prints
+from skinmap.commands.options import open_robot, prints
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import NO_PROFILE, retired
 
 if TYPE_CHECKING:
     from calibration.files.self_touch_files import SelfTouchData
@@ -108,22 +107,11 @@ class SelfTouchResult(Calibrated):
     metavar="ROBOT",
     help="Robot that touched itself; without it, its parts are read from beside the recordings.",
 )
-@outside_option
 @click.option(
     "--calibrate", "names", metavar="PART", multiple=True,
     help="Part whose mount is unknown; may be repeated. All that were touched by default.",
 )  # fmt: skip
 @outputs("mounts, taxels and the report")
-@retired(
-    probes="put the file beside the recordings, as probes.toml",
-    joint_offsets="zeros of joints are found where --robot is given",
-    no_joint_offsets="leave out --robot: zeros of joints are then taken as they are",
-    keep_all="recordings that contradict the others are always left out",
-    drop_inconsistent="recordings that contradict the others are always left out",
-    loss=NO_LOSS,
-    seed=NO_SEED,
-    profile=NO_PROFILE,
-)
 @prints(SelfTouchResult)
 def selftouch(
     recordings: tuple[Path, ...],

@@ -7,20 +7,11 @@ from pathlib import Path
 
 import click
 
-from calibration.commands.calibration_options import (
-    FILE,
-    NO_EFFORT,
-    NO_SEED,
-    Outputs,
-    PatchFiles,
-    mesh_option,
-    outputs,
-)
+from calibration.commands.calibration_options import FILE, Outputs, PatchFiles, mesh_option, outputs
 from calibration.commands.results import PatchResult
 from skinmap.commands.options import PICTURE, prints, units_option
 from skinmap.commands.overwriting import guard
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import retired
 
 WINDOWS = "skinmap.anchor_windows"  # entry points: (files, output, picture or None) -> None
 HERE = "(window)"
@@ -61,9 +52,7 @@ def _picture(ctx: click.Context, param: click.Parameter, value: str | None) -> s
     "--mirror", is_flag=True, help="The board is drawn from its other side: mirror the drawing."
 )
 @units_option("all files")
-@retired(sigma_mm="write a column sigma in the file; without one it is 1 mm")
 @outputs("taxels.csv and report.html", required=True)
-@retired(**NO_EFFORT, seed=NO_SEED)
 @prints(PatchResult)
 def wrap(
     layout_file: Path,

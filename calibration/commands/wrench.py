@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from calibration.commands.calibration_options import FILE, NO_LOSS, NO_SEED, Outputs, outputs
+from calibration.commands.calibration_options import FILE, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Grade, Matrix, Spread
 from skinmap.commands.options import prints, units_option
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import NO_PROFILE, retired
 
 if TYPE_CHECKING:
     from calibration.files.mount_files import WrenchTouches
@@ -74,14 +73,6 @@ class PlacedPatch:
 @click.argument("touches", type=FILE)
 @units_option("the file; moments are newton times this unit")
 @outputs("the mount, taxels and the report")
-@retired(
-    point_mm="points are taken to be 3 mm off; fit_wrench(point_sigma=...) in Python",
-    moment_mnm="moments are taken to be 5 mN m off; fit_wrench(moment_sigma=...) in Python",
-    taxels="give an .npz with an array taxels (n, 3)",
-    loss=NO_LOSS,
-    seed=NO_SEED,
-    profile=NO_PROFILE,
-)
 @prints(WrenchResult)
 def wrench(touches: Path, units: str, output: Outputs) -> None:
     """The mount of a rigid patch from the lines of the forces that a force/torque sensor felt.

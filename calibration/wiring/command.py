@@ -17,7 +17,6 @@ import click
 from calibration.wiring.findings import CheckupResult, findings, lines, with_changes
 from skinmap.commands.options import open_robot, out_file, part_option, prints, robot_option
 from skinmap.commands.overwriting import protect
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 from skinmap.report.result import OK, Verdict
 
@@ -50,15 +49,6 @@ SIMULATED = "benchmarks.calibration.person"
 )
 @out_file("Page (.pdf), corrected map (.csv), or a folder for both.", folder=True, guarded=False)
 @click.option("--web", is_flag=True, help="Show the next place on the body, in a browser.")
-@retired(
-    touch="it asks for strokes and pokes, whichever tells more",
-    units="--places are in metres",
-    chain="a chain has 16 modules",
-    patience="a live touch is waited for 15 s",
-    seed="nothing is random",
-    max_touches="it asks for a minute; Ctrl-C ends it and judges by the touches until then",
-    profile=NO_PROFILE,
-)
 @prints(CheckupResult)
 def checkup(
     source: str,

@@ -20,7 +20,6 @@ from skinmap.commands.options import (
     robot_argument,
 )
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.errors import KINDS, DataFormatError, MissingFileError, OutputError, UnknownNameError
 from skinmap.report.present import present
 
@@ -289,10 +288,6 @@ Exported = ExportedTaxels | ExportedModel | ExportedRecording | ExportedTouched 
 )  # fmt: skip
 @out_file("File to write, or folder of a format.", required=True, folder=True)
 @calibration_option
-@retired(
-    unrepaired="name the file of the taxels instead of the robot", profile=NO_PROFILE,
-    read_as="write FORMAT:FILE instead of FILE",
-)  # fmt: skip
 @prints(*get_args(Exported))
 def command(
     robot: str,

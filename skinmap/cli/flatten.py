@@ -17,14 +17,12 @@ from skinmap.commands.options import (
     number,
     open_robot,
     out_folder,
-    outside_option,
     part_option,
     prints,
     word,
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import retired
 from skinmap.commands.spreading import ALONE, WorkerOptions, workers_options
 from skinmap.errors import (
     InvalidArrayError,
@@ -44,7 +42,6 @@ if TYPE_CHECKING:
     from skinmap.io.flat_maps.sources import Source
     from skinmap.surface.surface_mesh import SurfaceMesh
 
-IN_PROFILE = "write {} in the table [flatten] of a profile (docs/trade.md)"
 LONG, SLIT = (10.0, 50.0), 4.05  # edge errors [%] that a hint follows, and the energy it names
 KNOBS = ("iterations", "max_seconds", "max_edge_rms", "metric")
 ISOMETRY = 4.0  # as `skinmap.flat.flat_map` has it; a test compares
@@ -89,7 +86,6 @@ class Laid:
 
 @click.command("flatten")
 @click.argument("robots", nargs=-1, metavar="[ROBOT|MESH...]")
-@outside_option
 @part_option
 @word("--method", "METHOD", "Flattening method.  [default: balanced]")
 @word("--meshing", "METHOD", "Surface meshing method.  [default: consensus; the faces of a .json]")
@@ -123,18 +119,6 @@ class Laid:
 )
 @workers_options(resume=False)
 @profile_option("flatten", beside=KNOBS)
-@retired(
-    max_seconds=IN_PROFILE.format("max_seconds = 2.0"),
-    max_edge_rms=IN_PROFILE.format("max_edge_rms = 1.0"),
-    iterations=IN_PROFILE.format("iterations = 20"),
-    precision="maps are solved in double precision",
-    metric=IN_PROFILE.format('metric = "area"'),
-    drawing="write --compare drawing:FILE",
-    scale="each map is coloured over its own range",
-    seam_away="write --seam contacts:RECORDING, or flatten(mesh, avoid=ROWS) in Python",
-    split_sheets="sheets that meet at an edge are always taken apart",
-    seed="nothing is drawn at random",
-)
 @prints(FlattenResult)
 def command(
     robots: tuple[str, ...],

@@ -9,16 +9,16 @@ import socket
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, distribution, metadata, version
+from importlib.metadata import distribution, version
 from pathlib import Path
 
 import click
 
 from skinmap.commands.options import PATH, open_robot, prints
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.display import has_display, window_class
 from skinmap.display import loads as loads_library
 from skinmap.errors import MissingLibraryError
+from skinmap.imports import installed
 from skinmap.report.present import present
 from skinmap.report.table import Table
 
@@ -155,7 +155,7 @@ def installation() -> InstallationInfo:
         skinmap=version("skinmap"),
         python=platform.python_version(),
         system=platform.platform(terse=True),
-        packages={name: _version(name) for name in CORE},
+        packages={name: installed(name) for name in CORE},
         extras=[_extra(name, purpose) for name, purpose in PURPOSES.items() if _packages(name)],
         ports={str(port): _free(port) for port in PORTS},
         display=display,
@@ -172,7 +172,7 @@ def _packages(extra: str) -> list[str]:
 
 
 def _extra(name: str, purpose: str) -> Extra:
-    packages = {package: _version(package) for package in _packages(name)}
+    packages = {package: installed(package) for package in _packages(name)}
     return Extra(
         name=name, purpose=purpose, packages=packages, installed=None not in packages.values()
     )
@@ -186,13 +186,6 @@ def _free(port: int) -> bool:
         except OSError:
             return False
     return True
-
-
-def _version(package: str) -> str | None:
-    try:
-        return metadata(package)["Version"]
-    except PackageNotFoundError:
-        return None
 
 
 def lines(info: InstallationInfo) -> Iterator[str | Table]:
@@ -278,7 +271,6 @@ class RecordingInfo:
     metavar="ROBOT",
     help="Robot whose skin it must be; it also names a dumper's folders.",
 )
-@retired(profile=NO_PROFILE)
 @prints(RecordingInfo, InstallationInfo)
 def command(recording: Path | None, robot: str | None, as_json: bool) -> None:
     """Describe a recording, or the installation.

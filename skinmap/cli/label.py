@@ -13,7 +13,6 @@ import click
 
 from skinmap.commands.options import PATH, open_robot, out_file, prints, robot_option
 from skinmap.commands.overwriting import protect
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.errors import MissingFileError, OutputError, SkinError
 from skinmap.report.present import present
 
@@ -70,12 +69,6 @@ class LabelResult:
     help="Name of all touches without one; outside a terminal no key is asked for.",
 )
 @robot_option
-@retired(
-    profile=NO_PROFILE,
-    csv="name it behind the recording: skinmap label REC.mcap TOUCHES.csv -o NEW.mcap",
-    write_csv="write -o TOUCHES.csv",
-    web="keys in the terminal do the same; -o TOUCHES.csv writes a table to edit",
-)
 @prints(LabelResult)
 def command(
     recording: Path,

@@ -17,7 +17,7 @@ import click
 
 from skinmap import __version__
 from skinmap.commands.progress import QUIET
-from skinmap.commands.retired import NamedGroup, retired
+from skinmap.commands.retired import NamedGroup
 from skinmap.errors import SkinError
 from skinmap.interrupts import TerminatedError, interruptible
 from skinmap.report.table import visible
@@ -98,7 +98,6 @@ class LazyGroup(NamedGroup):
     "--debug", is_flag=True, help="Report progress on standard error, and show tracebacks."
 )
 @click.option("--quiet", is_flag=True, help="No warnings and no progress.")
-@retired(verbose="write --debug")
 @click.pass_context
 def cli(ctx: click.Context, debug: bool, quiet: bool) -> None:
     """From a robot's meshes and taxel positions to named touches on its skin.

@@ -12,7 +12,6 @@ import click
 
 from skinmap.commands.options import PATH, named_robot, out_file, prints
 from skinmap.commands.overwriting import protect
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.errors import OutputError, SkinMismatchError
 from skinmap.report.present import present
 
@@ -60,7 +59,6 @@ class MergeResult:
     required=True,
     guarded=False,
 )
-@retired(profile=NO_PROFILE)
 @prints(MergeResult)
 def command(recordings: tuple[Path, ...], output: Path, as_json: bool) -> None:
     """Join recordings of one robot, one after the other, with their touches and sessions.

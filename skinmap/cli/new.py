@@ -10,9 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.commands.options import PATH, out_file, outside_option, prints
+from skinmap.commands.options import PATH, out_file, prints
 from skinmap.commands.overwriting import FORCE
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.io.robots.new_manifest import KNOWN_UNITS, NEAR, Candidate
 from skinmap.io.text import UNITS
 from skinmap.report.present import emit, present, show
@@ -107,8 +106,6 @@ class SeveralTables(click.Command):
     "order.  [default: the one that the skin lies on]",
 )
 @out_file("Manifest to write (.toml).", required=True)
-@outside_option
-@retired(profile=NO_PROFILE)
 @prints(NewResult, NewQuestions)
 def command(as_json: bool, **asked: Any) -> None:
     """Write a manifest for your own robot: its URDF or one mesh, and a taxel table for each part.

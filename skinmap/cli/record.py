@@ -28,7 +28,6 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import is_quiet
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.errors import OutputError, SkinWarning, UnknownNameError
 from skinmap.report.present import present, singular
 
@@ -94,13 +93,6 @@ class RecordResult:
 @calibration_option
 @speed_option("recorded or simulated")
 @seed_option
-@retired(
-    profile=NO_PROFILE,
-    motion="`skinmap classify RECORDING` prints the motion of each touch",
-    rotate_mb="a new file begins at 1 GB; Recorder(rotate_bytes=...) in Python",
-    rotate_minutes="a new file begins after an hour; Recorder(rotate_seconds=...) in Python",
-    points_hz="clouds of taxels come every two seconds; Recorder(points_hz=...) in Python",
-)
 @prints(RecordResult)
 def command(
     source: str,

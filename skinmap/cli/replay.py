@@ -19,7 +19,6 @@ from skinmap.commands.options import (
     seconds_option,
     speed_option,
 )
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 
 
@@ -52,7 +51,6 @@ class ReplayResult:
 @speed_option("recorded")
 @click.option("--loop", is_flag=True, help="Start again at the end, until Ctrl-C.")
 @seconds_option("Stop after this time [s].")
-@retired(profile=NO_PROFILE)
 @prints(ReplayResult)
 def command(
     recording: Path,

@@ -29,7 +29,6 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.errors import SkinWarning
 from skinmap.report.present import present
 
@@ -209,14 +208,6 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     multiple=True,
     callback=_faults,
     help=f"Fault of the sensors, instead of a random one; may be repeated. {', '.join(SENSING)}.",
-)
-@retired(
-    profile=NO_PROFILE,
-    raw="write --fault raw=yes",
-    variant="write --physics mujoco:VARIANT",
-    pairs="write --gesture pairs, and their number as --per-gesture",
-    places="from Python: skinmap.simulate(skin, places='habitual')",
-    **{name.replace("-", "_"): f"write --fault {name}=VALUE" for name in SENSING if name != "raw"},
 )
 @out_file("Recording to write: .npz or .mcap.", default="touches.npz", guarded=False)
 @publish_option("endless touches instead of recording them")

@@ -19,7 +19,6 @@ from skinmap.commands.options import (
     robot_argument,
 )
 from skinmap.commands.profiles import profile_option
-from skinmap.commands.retired import retired
 from skinmap.errors import SkinWarning
 from skinmap.report.present import present
 from skinmap.report.table import Table
@@ -29,7 +28,6 @@ if TYPE_CHECKING:
     from skinmap.touch.prepared_skin import PreparedSkin
 
 Distance = Literal["euclidean", "geodesic"]
-IN_PROFILE = "write {} in the table [classify] of a profile (docs/trade.md)"
 ROTATIONS = 6  # structures may turn by pi/3; 4, by quarters: square grids; 1, not at all
 RARE = 5  # structures with fewer members say little about the lattice
 
@@ -125,10 +123,6 @@ class StructuresResult:
 )
 @out_option
 @profile_option("classify", beside=("tolerance_mm", "distance"))
-@retired(
-    tolerance_mm=IN_PROFILE.format("tolerance_mm = 1.5"),
-    distance=IN_PROFILE.format('distance = "geodesic"'),
-)
 @prints(StructuresResult)
 def command(out: Path | None, as_json: bool, **asked: Any) -> None:
     """Find the neighbourhood shapes that repeat over all parts asked for, turned by pi/3 or not.

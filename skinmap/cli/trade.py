@@ -3,25 +3,16 @@
 from __future__ import annotations
 
 import json
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from skinmap import __version__
-from skinmap.commands.options import (
-    Whole,
-    open_robot,
-    out_folder,
-    outside_option,
-    part_option,
-    prints,
-)
+from skinmap.commands.options import Whole, number, open_robot, out_folder, part_option, prints
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import retired
 from skinmap.profile import FORMAT, PROFILE, Value
 from skinmap.report.present import present
 from skinmap.report.result import significant
@@ -31,20 +22,23 @@ from skinmap.trade.measuring import (
     Recommended,
     TaskRow,
     TradeResult,
+    TradeTask,
     Unmeasured,
+    chosen_of,
     defaults,
     describe,
+    measure,
+    pareto,
+    points_by_time,
+    recommend,
+    trade_figure,
 )
-
-if TYPE_CHECKING:
-    from skinmap.trade.measuring import TradeTask
 
 ALL = "all"
 
 
 @click.command("trade")
 @click.argument("robot", default="icub", metavar="[ROBOT]")
-@outside_option
 @part_option
 @click.option(
     "--task",
@@ -55,12 +49,7 @@ ALL = "all"
     show_default=True,
     help="Task to measure: flatten, classify, or all.",
 )
-@click.option(
-    "--max-ms",
-    multiple=True,
-    metavar="[TASK=]X",
-    help="Limit of the time, instead of one sample of a stream; may be repeated.",
-)
+@number("--max-ms", 0.0, 1e8, "Limit of the time, instead of one sample of a stream.")
 @click.option(
     "--seeds",
     type=Whole(1, 1000),
@@ -69,20 +58,14 @@ ALL = "all"
     help="Number of repetitions, each with its own touches.",
 )
 @out_folder("a plot a task, profile.toml and report.html")
-@retired(
-    budget_ms="write --max-ms",
-    max_error="read the errors in the table, and give --max-ms the time of the one you want",
-    check="run trade again and compare",
-    seed="touches are drawn by the numbers of --seeds, from 0",
-)
 @prints(TradeResult)
 def command(out: Path | None, as_json: bool, **asked: Any) -> None:
     """Measure the time and error of each setting, and recommend one for each task.
 
     Recommended is the least error within the time there is: one sample of a stream, or what the
     default takes where that is longer. It is never worse than the default unless a limit asks
-    for that. A limit counts for every task measured, or for one: --max-ms flatten=20. With
-    --out the recommendation is written as profile.toml, which other commands take as --profile.
+    for that. With --out the recommendation is written as profile.toml, which other commands take
+    as --profile.
 
     \b
     Example:  skinmap trade icub --part right_forearm --out trade
@@ -104,7 +87,7 @@ def work(
     robot: str,
     parts: tuple[str, ...],
     names: tuple[str, ...],
-    max_ms: tuple[str, ...],
+    max_ms: float | None,
     seeds: int,
     profile: str | None,
 ) -> TradeResult:
@@ -116,11 +99,9 @@ def work(
         Nothing could be measured, or no setting keeps a limit.
     """
     from skinmap.errors import SkinError
-    from skinmap.trade.front import pareto
-    from skinmap.trade.measuring import measure
 
     chosen = _tasks(names)
-    limits = _limits(max_ms, chosen)
+    limit = None if max_ms is None else max_ms / 1e3
     loaded, wanted = open_robot(robot, parts)
     points: list[Point] = []
     failed: list[Unmeasured] = []
@@ -135,7 +116,7 @@ def work(
         failed += unmeasured
         points += [replace(one, pareto=on) for one, on in zip(own, pareto(own), strict=True)]
         if own:
-            recommended[name] = _recommended(chosen[name], own, limits.get(name))
+            recommended[name] = _recommended(chosen[name], own, limit)
     if not points:
         said = "; ".join(f"{one.task}: {one.reason}" for one in failed[:3])
         raise SkinError(f"nothing could be measured: {said}")
@@ -158,8 +139,6 @@ def work(
 
 
 def _recommended(task: TradeTask, points: Sequence[Point], seconds: float | None) -> Recommended:
-    from skinmap.trade.front import recommend
-
     one, why = recommend(points, defaults(task.knobs), seconds)
     return Recommended(
         setting=one.setting, seconds=one.seconds, error=one.error, unit=one.unit, why=why
@@ -182,33 +161,8 @@ def _tasks(names: tuple[str, ...]) -> dict[str, TradeTask]:
     return known if ALL in names else {name: known[name] for name in dict.fromkeys(names)}
 
 
-def _limits(words: tuple[str, ...], tasks: Mapping[str, TradeTask]) -> dict[str, float]:
-    """The time of each task [s]; `TASK=X` wins over a bare X, wherever it stands."""
-    from skinmap.errors import UnknownNameError
-
-    common: dict[str, float] = {}
-    own: dict[str, float] = {}
-    for word in words:
-        name, mark, number = word.rpartition("=")
-        try:
-            value = float(number) / 1e3
-        except ValueError:
-            value = math.nan
-        if not 0.0 < value < math.inf:
-            raise click.UsageError(f"--max-ms must be a number above 0, or TASK=X, got {word!r}")
-        if mark and name not in tasks:
-            raise UnknownNameError("task (of --max-ms)", name, tasks)
-        if mark:
-            own[name] = value
-        else:
-            common = dict.fromkeys(tasks, value)
-    return common | own
-
-
 def lines(result: TradeResult) -> Iterator[str | Table]:
     """For people: every setting by its time, the front and the recommendation marked."""
-    from skinmap.trade.front import chosen_of, points_by_time
-
     for task in result.tasks:
         points = points_by_time(result, task.task)
         if not points:
@@ -237,8 +191,6 @@ def lines(result: TradeResult) -> Iterator[str | Table]:
 
 def write(result: TradeResult, stage: Path) -> Iterator[str]:
     """Write a plot of each task and the profile into a folder; their names."""
-    from skinmap.trade.front import trade_figure
-
     for task in result.tasks:
         if task.task in result.recommended:
             path = stage / f"{task.task}.png"
@@ -282,5 +234,5 @@ def profile_text(result: TradeResult) -> str:
 
 def _toml(value: Value) -> str:
     """One value; a JSON string is a TOML string, and so are numbers and booleans."""
-    number = significant(value) if isinstance(value, float) else value
-    return json.dumps(number, ensure_ascii=False)
+    plain = significant(value) if isinstance(value, float) else value
+    return json.dumps(plain, ensure_ascii=False)

@@ -23,7 +23,6 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
-from skinmap.commands.retired import retired
 from skinmap.report.present import present
 from skinmap.summary import first_few
 
@@ -199,11 +198,6 @@ class TrainResult:
 )
 @seed_option
 @profile_option("classify", beside=IN_PROFILE)
-@retired(
-    search="compiled code is used where it pays",
-    precision="distances are in double precision",
-    **{name: f"set {name} in the table [classify] of a profile" for name in IN_PROFILE},
-)
 @prints(TrainResult)
 def command(as_json: bool, **asked: Any) -> None:
     """Train on RECORDINGS, files and folders of them, of one robot or several.

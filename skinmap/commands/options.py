@@ -12,7 +12,6 @@ import click
 
 from skinmap.commands.overwriting import force_option, guard
 from skinmap.commands.profiles import profile_option as profile_option
-from skinmap.commands.retired import retired
 from skinmap.io.text import UNITS
 
 if TYPE_CHECKING:
@@ -103,26 +102,14 @@ OUTSIDE = "SKINMAP_ALLOW_OUTSIDE"  # environment variable
 RESULTS = "__results__"
 
 
-outside_option = retired(allow_outside=f"set {OUTSIDE}=1 in the environment")
-
-
-def _of_robot(parameter: Callable[[Any], Any]) -> Callable[[F], F]:
-    """A parameter that names a robot, whose manifest may look outside its folder."""
-    return lambda command: parameter(outside_option(command))
-
-
-robot_argument = _of_robot(click.argument("robot", default="icub", metavar="[ROBOT]"))
+robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
 # For commands that may be given a recording, which knows its own.
-shown_argument = _of_robot(
-    click.argument("robot", required=False, metavar="[ROBOT|RECORDING|FOLDER]")
-)
+shown_argument = click.argument("robot", required=False, metavar="[ROBOT|RECORDING|FOLDER]")
 # For commands whose argument is a recording.
-robot_option = _of_robot(
-    click.option(
-        "--robot",
-        metavar="ROBOT",
-        help="Robot that was recorded.  [default: the recording's, else icub]",
-    )
+robot_option = click.option(
+    "--robot",
+    metavar="ROBOT",
+    help="Robot that was recorded.  [default: the recording's, else icub]",
 )
 part_option = click.option(
     "--part",

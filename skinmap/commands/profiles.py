@@ -12,8 +12,6 @@ import click
 from click.core import ParameterSource
 from msgspec import UNSET, UnsetType
 
-from skinmap.commands.retired import RetiredOption
-
 if TYPE_CHECKING:
     from skinmap.profile import Profile
 
@@ -65,8 +63,7 @@ def _take_profile(
     from skinmap.profile import read_profile
 
     profile = read_profile(path)
-    own = (one for one in ctx.command.params if not isinstance(one, RetiredOption))
-    options = {name: option for option in own for name in option.opts}
+    options = {name: option for option in ctx.command.params for name in option.opts}
     knobs: dict[str, str] = {}  # by the parameter that each sets
     defaults = dict(ctx.default_map or {})
     ctx.meta[BESIDE] = {}

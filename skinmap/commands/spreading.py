@@ -11,8 +11,6 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
-from skinmap.commands.retired import retired
-
 if TYPE_CHECKING:
     from skinmap.parallel.workers import Workers
 
@@ -48,8 +46,6 @@ _resume_option = click.option(
     metavar="FOLDER",
     help="Of finished results: run the same again after an interruption to go on.",
 )
-_gone = retired(backend="write --jobs tcp://HOST:PORT", address="write --jobs tcp://HOST:PORT")
-NO_RESUME = "leave it out: a run takes minutes, and --jobs shortens it"
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +83,6 @@ def workers_options(*, resume: bool) -> Callable[[F], F]:
         def run(*args: Any, jobs: int | str, resume: Path | None = None, **options: Any) -> Any:
             return command(*args, spread=WorkerOptions(jobs, resume), **options)
 
-        last = _resume_option if resume else retired(resume=NO_RESUME)
-        return cast("F", _jobs_option(last(_gone(run))))
+        return cast("F", _jobs_option(_resume_option(run) if resume else run))
 
     return add

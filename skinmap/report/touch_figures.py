@@ -14,8 +14,8 @@ from skinmap.errors import SkinMismatchError
 from skinmap.geometry.triangles import face_normals
 from skinmap.live.contacts.named_touch import UNNAMED, NamedTouch
 from skinmap.live.moment import Moment
+from skinmap.report.flat_figures import draw_surface, mesh_views
 from skinmap.report.page import plain_figure
-from skinmap.report.projection import draw_surface, mesh_views
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.contacts.skin_geometry import ACTIVE, Contacts, find_contacts
 from skinmap.touch.prepared_skin import PreparedSkin

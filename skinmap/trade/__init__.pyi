@@ -1,4 +1,3 @@
-from skinmap.trade.front import pareto, recommend
 from skinmap.trade.measuring import (
     Knob,
     Outcome,
@@ -7,6 +6,8 @@ from skinmap.trade.measuring import (
     TradeTask,
     cpu_seconds,
     measure,
+    pareto,
+    recommend,
 )
 
 __all__ = [

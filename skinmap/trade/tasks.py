@@ -41,7 +41,6 @@ TIMED = 32  # of those that are named, so many again for the time
 HISTOGRAM = "histogram"
 QUICK = (DEFAULT, HISTOGRAM, "paper", "histogram-chi2")
 ONE_SKIN = ("raw-intersection",)  # knows taxels by their number
-IMAGES = ("bovw", "cnn")
 # Knobs of histograms, each varied alone.
 VARIED: dict[str, tuple[Value, ...]] = {
     "radius_mm": (6.0, 11.0),

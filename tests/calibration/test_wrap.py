@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.calibration.calibrations import anchored
 from benchmarks.calibration.links import family_cases
-from benchmarks.calibration.wraps import anchored
 from calibration import Status, wrap_layout
 from calibration.patch import sheet_model
 from calibration.patch.minima import Minimum

@@ -12,7 +12,6 @@ import pytest
 from skinmap.cli.main import cli
 from skinmap.cli.simulate import SENSING
 from skinmap.commands.options import Number
-from skinmap.commands.retired import RetiredOption
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import ISOMETRY
 from skinmap.profile import KNOBS
@@ -118,8 +117,7 @@ def test_options_of_one_name_are_of_one_kind():
     for words, command in commands(cli).items():
         for one in command.params:
             for name in one.opts:
-                current = isinstance(one, click.Option) and not isinstance(one, RetiredOption)
-                if current and name.startswith("--"):
+                if isinstance(one, click.Option) and name.startswith("--"):
                     found[name][shape(one)].append(words)
     assert len(found) > 60  # names of about 240 options
     for name, kinds in found.items():

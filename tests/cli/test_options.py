@@ -15,7 +15,6 @@ from click.testing import CliRunner
 import skinmap
 from skinmap.cli import main as program
 from skinmap.cli.main import cli
-from skinmap.commands.retired import RetiredOption
 from skinmap.io.text import UNITS
 from viewer.layers import LAYERS
 
@@ -187,7 +186,7 @@ def named(option: str) -> dict[str, click.Option]:
         words: one
         for words, command in commands(cli).items()
         for one in command.params
-        if option in one.opts and not isinstance(one, RetiredOption)
+        if option in one.opts
     }
 
 

@@ -10,7 +10,6 @@ import pytest
 from click.testing import CliRunner
 
 from skinmap.cli.main import cli
-from skinmap.commands.retired import RetiredOption
 from skinmap.errors import OutputError
 
 BOARD = Path(__file__).parents[2] / "docs" / "examples" / "board"
@@ -80,8 +79,7 @@ def test_the_tables_hold_every_output_of_every_command():
     """A new command or output has a line above, and its command takes --force."""
     lines = [line.replace(" -o", " --out") for line in (*FILES, *FOLDERS)]
     for name, command in commands(cli):
-        kept = [one for one in command.params if not isinstance(one, RetiredOption)]
-        options = {opt for one in kept for opt in one.opts}
+        options = {opt for one in command.params for opt in one.opts}
         outputs = [] if name == RENEWED else sorted(options & set(OUTPUTS))
         for output in outputs:
             found = [one for one in lines if one.startswith(f"{name} ") and one.endswith(output)]

@@ -8,8 +8,16 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from skinmap.geometry.triangles import cross_2d, face_areas, face_normals, signed_areas
-from skinmap.report.flat_figures import checkerboard, square_side
-from skinmap.report.projection import ENOUGH, SEEN, View, choose_views, draw_surface, shaded
+from skinmap.report.flat_figures import (
+    ENOUGH,
+    SEEN,
+    View,
+    checkerboard,
+    choose_views,
+    draw_surface,
+    shaded,
+    square_side,
+)
 
 FRAME = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # up, front, side
 FRONT = View("front", FRAME[1], FRAME[0])

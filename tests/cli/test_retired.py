@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import tomllib
+
 import click
 import pytest
 from click.testing import CliRunner
 
 from calibration.commands import calibrate
-from skinmap.commands.retired import NamedGroup, retired
+from skinmap.cli.main import cli
+from skinmap.commands.retired import ANSWERS, NamedGroup
+from tests.cli.test_options import commands
 
 
-@click.command()
+@click.command("flatten")
 @click.option("--jobs")
-@retired(backend="write --jobs tcp://HOST:PORT", split_sheets="sheets are always split")
 def sweep(jobs: str | None) -> None:
     click.echo(f"jobs {jobs}")
 
@@ -29,7 +32,16 @@ def test_retired_option_answers_with_what_to_write(words):
 
 def test_retired_options_are_hidden_and_cost_nothing_when_absent():
     assert CliRunner().invoke(sweep, ["--jobs", "2"]).output == "jobs 2\n"
-    assert "--split-sheets" not in CliRunner().invoke(sweep, ["--help"]).output
+    assert "--split-sheets" not in CliRunner().invoke(cli, ["flatten", "--help"]).output
+
+
+def test_each_option_that_has_an_answer_is_one_that_its_command_does_not_have():
+    known = {command.name: command for command in (cli, *commands(cli).values())}
+    answers = tomllib.loads(ANSWERS.read_text(encoding="utf-8"))
+    assert sum(map(len, answers.values())) > 100
+    for name in answers.keys() - {"any"}:
+        taken = {opt for one in known[name].params for opt in one.opts}
+        assert not taken & {f"--{option}" for option in answers[name]}, name
 
 
 def test_a_misspelt_option_is_answered_without_those_that_were_removed():

@@ -41,7 +41,6 @@ NO_READERS = {
     "calibration.commands.plane.read_planes": "words of a command line, tested with it",
     "skinmap.io.text.read_text": "under every reader of text",
     "skinmap.io.robots.manifest.load_fields": "under read_manifest",
-    "viewer.inputs.read_responses": "load_response, by name",
     "viewer.inputs.read_token": "under read_text, and checked as a token",
 }
 

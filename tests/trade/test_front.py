@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from skinmap.errors import ImpossibleBudgetError
 from skinmap.trade import Point
-from skinmap.trade.front import SAMPLE, pareto, recommend
+from skinmap.trade.measuring import SAMPLE, pareto, recommend
 
 FIGURES = st.lists(
     st.tuples(st.sampled_from([1, 2, 3, 5, 8]), st.sampled_from([0, 1, 2, 4, 7])), min_size=1

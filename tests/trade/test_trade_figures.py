@@ -6,7 +6,7 @@ import pytest
 
 from skinmap.report.page import plain_figure
 from skinmap.trade import Point
-from skinmap.trade.front import scale_axes
+from skinmap.trade.measuring import scale_axes
 
 
 def point(milliseconds: float, error: float) -> Point:

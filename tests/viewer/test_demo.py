@@ -93,7 +93,7 @@ def test_replay_is_a_movie_of_some_seconds(demo):
 
 
 def test_demo_without_ffmpeg_has_its_movie_as_a_gif(tmp_path, monkeypatch):
-    monkeypatch.setattr("viewer.export.movie.find_ffmpeg", lambda: None)
+    monkeypatch.setattr("viewer.view_files.find_ffmpeg", lambda: None)
     words = ["demo", "--part", "left_foot", "--part", "right_forearm"]
     with pytest.warns(SkinWarning, match=r"replay.gif instead"):
         done = CliRunner().invoke(cli, [*words, "--out", str(tmp_path / "x"), "--json"])

@@ -153,7 +153,7 @@ def test_pose_and_saved_view_are_taken(opengl, tmp_path, recording, model):
         (["--source", "none.npz"], MissingFileError, "no file 'none.npz'"),
         (["--model", "none.skinmodel"], MissingFileError, "none.skinmodel"),
         (["--calibration", "left_foot=none.csv"], SkinError, "none.csv"),
-        (["--response", "wing=x.npz"], UnknownNameError, "no part 'wing'"),
+        (["--response", "wing=x.npz"], UnknownNameError, "no part to calibrate 'wing'"),
         (["--response", "x.npz"], MissingFileError, "a response calibration"),
     ],
 )

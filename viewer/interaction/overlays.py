@@ -51,9 +51,8 @@ class TextBox(Line):
         self.actor.GetPositionCoordinate().SetCoordinateSystemToViewport()
         style = self.actor.GetTextProperty()
         style.SetColor(*rgb(PANEL))
-        style.SetBackgroundColor(*rgb(INK))
-        style.SetBackgroundOpacity(0.93)
         style.SetVerticalJustificationToBottom()
+        self.back(INK, 0.93)
         if mono:
             style.SetFontFamilyToCourier()
         self.write("")

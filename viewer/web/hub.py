@@ -17,7 +17,7 @@ from skinmap.errors import SkinError, UnknownNameError
 from skinmap.live.moment import Moment
 from viewer.drawing.touches.traces import COURSES
 from viewer.drawing.touches.traces import SPANS as PLOTTED
-from viewer.interaction.describe import describe
+from viewer.interaction.pointing import describe
 from viewer.layers import Layer, Layers, check_layer, check_values
 from viewer.playing.player import Player
 from viewer.results import LAYERS

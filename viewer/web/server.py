@@ -37,8 +37,7 @@ from viewer.drawing.body.bare_body import Links
 from viewer.interaction.view_file import SavedView, check_view, content_of
 from viewer.layers import Layers
 from viewer.pair import LEFT, RIGHT, Pair
-from viewer.playing.overview import new_players
-from viewer.playing.paired_player import PairedPlayer
+from viewer.playing.overview import PairedPlayer, new_players
 from viewer.playing.player import Player
 from viewer.results import ViewPage
 from viewer.view_options import Look, Session, look_beside, new_layers

@@ -27,7 +27,6 @@ from skinmap.commands.options import (
     seconds_option,
     seed_option,
 )
-from skinmap.commands.retired import NO_PROFILE, retired
 from skinmap.report.present import present
 from skinmap.report.table import Table
 
@@ -56,13 +55,6 @@ SUFFIX = ".skinmodel"  # as `skinmap.recognition.model_file` has it; a test comp
     metavar="GESTURE",
     help="Gestures of the source sim, with commas between; or four, eight, "
     "all, hand, other, time. May be repeated.  [default: four]",
-)
-@retired(
-    profile=NO_PROFILE,
-    span_mm="a spread hand is 200 mm; TouchLoop(rule=GroupingRule(span=...)) in Python",
-    together_ms="a grip begins within 80 ms; TouchLoop(rule=GroupingRule(together=...)) in Python",
-    window_ms="velocities are taken from 0.2 s at least",
-    motion="velocities are those of the way of the centre; optical flow was less exact",
 )
 @prints(ClassifyResult, live=(LiveTouch, LiveSummary))
 def command(files: tuple[str, ...], coverage: float | None, as_json: bool, **how: Any) -> None:

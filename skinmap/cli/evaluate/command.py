@@ -23,13 +23,11 @@ from skinmap.commands.options import (
     Written,
     file_option,
     out_folder,
-    outside_option,
     part_option,
     per_gesture_option,
     prints,
     seed_option,
 )
-from skinmap.commands.retired import retired
 from skinmap.commands.spreading import WorkerOptions, workers_options
 from skinmap.recognition.protocols.results import EvaluateResult
 from skinmap.report.page import lines_page, media
@@ -51,17 +49,6 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
     help="Protocol to run; recordings are cross-validated by touch event.",
 )
 @click.option("--robot", metavar="ROBOT", help="Robot to simulate on, or that was recorded.")
-@retired(
-    gestures="write --set gestures=NAMES",
-    train_robot="write --set train_robot=ROBOT",
-    places="write --set places=habitual",
-    sweep="write --set sweep=yes",
-    images="write --set images=N",
-    folds="write --set folds=N",
-    leaks="--leave-out shows the controls; write --leave-out event for them alone",
-    profile="name the classifier by --classifier",
-)
-@outside_option
 @part_option
 @click.option(
     "--seeds",

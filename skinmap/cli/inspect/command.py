@@ -9,8 +9,7 @@ from typing import Any
 import click
 
 from skinmap.cli.inspect.inspect_result import InspectResult, PartRow
-from skinmap.commands.options import open_robot, outside_option, part_option, prints
-from skinmap.commands.retired import NO_PROFILE, retired
+from skinmap.commands.options import open_robot, part_option, prints
 from skinmap.report.present import present
 from skinmap.report.result import given
 from skinmap.report.table import Table
@@ -20,7 +19,6 @@ TABLES = (".txt", ".csv", ".json")
 
 @click.command("inspect")
 @click.argument("robots", nargs=-1, metavar="[ROBOT|TABLE...]")
-@outside_option
 @part_option
 @click.option(
     "--module",
@@ -33,11 +31,6 @@ TABLES = (".txt", ".csv", ".json")
     metavar="STEP",
     multiple=True,
     help="Repair step to leave out; may be repeated.",
-)
-@retired(
-    profile=NO_PROFILE,
-    fit="a move that lays a part on its link stands in its warning",
-    html="write skinmap view ROBOT --html FILE for a page with the body",
 )
 @prints(InspectResult)
 def command(robots: tuple[str, ...], as_json: bool, **asked: Any) -> None:

@@ -164,8 +164,7 @@ def load_calibrations(
         One that does not name its part.
     """
     found = {}
-    only = next(iter(skins)) if len(skins) == 1 else ""
-    for part, name, one in by_part(specs, skins, LoadCalibration.read, "FOLDER", only):
+    for part, name, one in by_part(specs, skins, LoadCalibration.read, "FOLDER"):
         if len(one.rest) != len(skins[part]):
             raise SkinMismatchError(
                 f"{name}: {len(one.rest)} taxels are calibrated, {part} has {len(skins[part])}"

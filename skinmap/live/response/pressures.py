@@ -364,12 +364,11 @@ def by_part(
     skins: Mapping[str, PreparedSkin],
     read: Callable[[Path], Calibration],
     what: str,
-    nameless: str = "",
 ) -> Iterator[tuple[str, str, Calibration]]:
     """Part, path and calibration of each "PART=PATH" or "PATH".
 
-    A bare path is of the part whose layout was calibrated, of the part `nameless` where the file
-    does not say which.
+    A bare path is of the part whose layout was calibrated, of the only part that there is where
+    the file does not say which.
 
     Raises
     ------
@@ -379,6 +378,7 @@ def by_part(
         A file that does not name its part.
     """
     prints = {fingerprint(skin.skin): part for part, skin in skins.items()}
+    only = next(iter(skins)) if len(skins) == 1 else ""
     for spec in specs:
         part, equals, name = spec.partition("=")
         if equals and part not in skins:
@@ -387,7 +387,7 @@ def by_part(
         one = read(Path(name))
         if not equals:
             own = str(getattr(one, "fingerprint", ""))
-            part = prints.get(own, "" if own else nameless)
+            part = prints.get(own, "" if own else only)
         if not part:
             raise InvalidArrayError(
                 f"{name} was calibrated on none of {', '.join(skins)}, or does not name its skin; "
@@ -402,7 +402,7 @@ def load_responses(specs: Sequence[str], skins: Mapping[str, PreparedSkin]) -> d
     Parameters
     ----------
     specs : sequence of str
-        "FILE", for the part whose layout was calibrated, or "PART=FILE".
+        "FILE", for the part whose layout was calibrated or the only one, or "PART=FILE".
     skins : mapping of str to PreparedSkin
         By part.
 

@@ -5,7 +5,7 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
-import viewer.export.movie
+import viewer.view_files
 from skinmap.errors import InvalidArrayError, OutputError, SkinWarning
 from viewer import write_movie
 
@@ -42,7 +42,7 @@ def test_write_movie_cuts_odd_sizes_to_even(tmp_path):
 
 
 def test_write_movie_without_ffmpeg_is_a_gif(tmp_path, monkeypatch):
-    monkeypatch.setattr(viewer.export.movie, "find_ffmpeg", lambda: None)
+    monkeypatch.setattr(viewer.view_files, "find_ffmpeg", lambda: None)
     with pytest.warns(SkinWarning, match=r"film.gif instead; for .mp4: pip install"):
         path = write_movie(tmp_path / "film.mp4", pictures(3), 25)
     assert path == tmp_path / "film.gif"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from tests.viewer.playing.test_player import RecordedLoop, number, until
-from viewer.playing.paired_player import PairedPlayer, in_step
+from viewer.playing.overview import PairedPlayer, in_step
 from viewer.playing.player import Player
 
 

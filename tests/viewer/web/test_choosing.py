@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from viewer import Layers
-from viewer.interaction.describe import describe, lines
 from viewer.interaction.mouse import inside
+from viewer.interaction.pointing import describe, lines
 from viewer.web.server import WebServer
 
 PLACE = """(taxel) => {

@@ -8,7 +8,7 @@ import pytest
 from skinmap.live.moment import Moment
 from tests.viewer.unpacking import unpack
 from viewer.drawing.touches.touch_marks import outline_touch
-from viewer.interaction.describe import describe
+from viewer.interaction.pointing import describe
 from viewer.layers import LAYERS, Layers
 from viewer.web.sample import (
     UNKNOWN,

@@ -124,15 +124,19 @@ def best_view(targets: Sequence[Target], body: Blocks, front: View, now: View) -
             facing = np.clip(target.normals @ direction, 0.0, None).mean()
             clear = sees(body, target, direction)
             seen += np.sqrt(facing) * (1.0 if clear else HIDDEN)
-        turn = abs((view.azimuth - front.azimuth + 180.0) % 360.0 - 180.0) / 180.0
-        rise = abs(view.elevation - front.elevation) / 90.0
-        return float(seen / max(len(targets), 1) - TURN_COST * turn - RISE_COST * rise)
+        return float(seen / max(len(targets), 1) - _turned(view, front))
 
     best = max([front, *_views(front, ELEVATIONS)], key=worth)
     if not any(sees(body, target, best.direction) for target in targets):
         best = max([best, *_views(front, UNUSUAL)], key=worth)
     restless = RESTLESS if _is_usual(now) or not _is_usual(best) else 0.0
     return best if worth(best) > worth(now) + restless else now
+
+
+def _turned(view: View, front: View) -> float:
+    """What a view costs: how far it is from the front."""
+    turn = abs((view.azimuth - front.azimuth + 180.0) % 360.0 - 180.0) / 180.0
+    return TURN_COST * turn + RISE_COST * abs(view.elevation - front.elevation) / 90.0
 
 
 def _views(front: View, elevations: Sequence[float]) -> list[View]:
@@ -156,10 +160,6 @@ def still_view(targets: Sequence[Target], body: Blocks, front: View, now: View) 
     def seen(view: View) -> int:
         return sum(sees(body, target, view.direction) for target in targets)
 
-    def turned(view: View) -> float:
-        turn = abs((view.azimuth - front.azimuth + 180.0) % 360.0 - 180.0) / 180.0
-        return TURN_COST * turn + RISE_COST * abs(view.elevation - front.elevation) / 90.0
-
     def faced(view: View) -> float:
         return float(sum(target.normals.mean(axis=0) @ view.direction for target in targets))
 
@@ -173,7 +173,7 @@ def still_view(targets: Sequence[Target], body: Blocks, front: View, now: View) 
     if seen(now) >= most and (_is_usual(now) or not usual):
         return now
     best = [view for view, count in zip(views, counts, strict=True) if count == most]
-    return max(best, key=lambda view: faced(view) / len(targets) - turned(view))
+    return max(best, key=lambda view: faced(view) / len(targets) - _turned(view, front))
 
 
 def silhouette(points: FloatArray) -> FloatArray:

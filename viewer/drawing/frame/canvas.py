@@ -419,9 +419,7 @@ class Status:
         self._line = Line(renderer, (0.0, 0.0), 12, colour=FAINT)
         self._warning = Line(renderer, (0.0, 0.0), 12, bold=True)
         self._line.back()
-        style = self._warning.actor.GetTextProperty()
-        style.SetBackgroundColor(*rgb(WARNING))
-        style.SetBackgroundOpacity(1.0)
+        self._warning.back(WARNING, 1.0)
         self._moment = Moment(0.0, {})
         self._worst, self._since, self._told = 0.0, self._fresh, float("nan")
         self._late = ""

@@ -100,7 +100,7 @@ class TouchList:
         colour = pale(colour) if self._faded else colour
         name.style(small if tight else font, bold=True)
         name.move(self._left, y)
-        name.fill(colour)
+        name.back(colour, 1.0)
         name.write(f" {caption(touch)} ", ink_on(colour))
         about.style(small)
         left = self._left + (name.width() + 0.6 * font if tight else 0.0)

@@ -10,12 +10,7 @@ import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.util.numpy_support import numpy_to_vtk
 from vtkmodules.vtkCommonDataModel import vtkCellArray
-from vtkmodules.vtkRenderingCore import (
-    vtkActor2D,
-    vtkPolyDataMapper2D,
-    vtkRenderer,
-    vtkTextActor,
-)
+from vtkmodules.vtkRenderingCore import vtkActor2D, vtkPolyDataMapper2D, vtkRenderer, vtkTextActor
 
 from skinmap.arrays import FloatArray
 from viewer.colours import BACKGROUND, INK, rgb
@@ -148,15 +143,8 @@ class Line:
         text.SetFontSize(font_px)
         text.SetBold(bold)
 
-    def fill(self, colour: str | None) -> None:
-        """Put a box of a colour behind the text, or none."""
-        text = self.actor.GetTextProperty()
-        text.SetBackgroundOpacity(0.0 if colour is None else 1.0)
-        if colour is not None:
-            text.SetBackgroundColor(*rgb(colour))
-
     def back(self, colour: str = BACKGROUND, opacity: float = BACKED) -> None:
-        """Let the ground shine through behind the text: it stays readable over the body."""
+        """Put a box of a colour behind the text: it stays readable over the body."""
         text = self.actor.GetTextProperty()
         text.SetBackgroundColor(*rgb(colour))
         text.SetBackgroundOpacity(opacity)
