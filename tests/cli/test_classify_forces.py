@@ -15,10 +15,13 @@ from click.testing import CliRunner
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.io.robots.manifest import load_robot
+from skinmap.live.contacts.contact_forces import ContactForce
 from skinmap.live.loop import TouchLoop
+from skinmap.live.response.loads import PartLoads
 from skinmap.live.sources.open_source import open_source
 from skinmap.memory_features import FEATURES
 from skinmap.touch.load_calibration import LoadCalibration
+from skinmap.touch.prepared_skin import PreparedSkin
 
 PART = "left_forearm"
 FULL = 0.5  # bar that 200 counts stand for
@@ -118,6 +121,29 @@ def test_loop_refuses_a_zero_of_another_day(skin) -> None:
     found = [next(moments).touches[0].load for _ in range(20)]
     loop.close()  # with a rest of its own the age does not matter
     assert any(not one.refused for one in found)
+
+
+def pressed(skin, rest: float, seconds: float = 2.0) -> np.ndarray:
+    """Samples (t, n) of 50 a second: so long at rest, and the last one with a fingertip on it."""
+    away = np.linalg.norm(skin.positions - skin.positions[60], axis=1)
+    touch = 130.0 * np.exp(-0.5 * (away / 0.01) ** 2)
+    return rest + np.outer(np.arange(round(50 * seconds) + 1) == round(50 * seconds), touch)
+
+
+def weighed(loads: PartLoads, samples: np.ndarray) -> ContactForce:
+    """Force of the touch of the last sample; nothing touches before."""
+    loads.take(samples[:-1], touched=False)
+    loads.take(samples[-1:], touched=True)
+    return loads.force(np.flatnonzero(samples[-1] > samples[0] + 40.0))
+
+
+def test_a_rest_far_off_the_calibration_refuses_the_force(skin) -> None:
+    part, model = PreparedSkin(skin), straight(len(skin))
+    assert not weighed(PartLoads(part, model, 50.0), pressed(skin, 20.0)).refused
+    loads = PartLoads(part, model, 50.0)
+    found = weighed(loads, pressed(skin, 32.0))
+    assert found.refused == "rest lies 16 % of the range off: fit the calibration anew"
+    assert not weighed(loads, pressed(skin, 0.0)).refused  # what pressed on all of it is off again
 
 
 def test_calibrations_of_other_skins_are_refused(folder: Path, tmp_path: Path) -> None:

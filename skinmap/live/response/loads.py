@@ -47,6 +47,7 @@ class PartLoads:
         self._needed = max(2, round(REST_SECONDS * (rate or calibration.rate)))
         self._stream = calibration.stream(rate or None)
         self._rest: list[FloatArray] = []
+        self._off = 0.0  # median of the last rest from that of the calibration, in spans
         self._found = np.full((3, len(skin)), np.nan)
         self._when = calibration.zeroed
 
@@ -68,20 +69,23 @@ class PartLoads:
         self._found = PASCALS * self._stream.rows(self._calibration.cooled(counts))[:, -1]
 
     def _listen(self, counts: FloatArray, touched: bool) -> None:
-        if touched:
-            self._rest = []
+        self._rest = [] if touched else [*self._rest, counts]
+        if sum(map(len, self._rest)) < self._needed:
             return
+        rest, self._rest = np.concatenate(self._rest), []
         model, own = self._calibration, self.forces.answered
-        away = (model.cooled(counts) - model.rest) / model.span
-        level = np.median(away[:, own]) if own.any() else np.inf
-        self._rest = [] if abs(level) > REST_FAR else [*self._rest, counts]
-        if sum(map(len, self._rest)) >= self._needed:
-            self._stream.zero(np.concatenate(self._rest))
+        away = (model.cooled(rest) - model.rest) / model.span
+        self._off = float(np.median(away[:, own])) if own.any() else 0.0
+        if abs(self._off) <= REST_FAR:
+            self._stream.zero(rest)
             self._when = time.time()
-            self._rest = []
 
     def force(self, taxels: IntArray) -> ContactForce:
         """Of the touch on some taxels (k,), by the newest sample."""
+        if abs(self._off) > REST_FAR:
+            return ContactForce.none(
+                f"rest lies {100 * abs(self._off):.0f} % of the range off: fit the calibration anew"
+            )
         if not self._stream.session.zeroed and self.age > ZERO_LASTS:
             return ContactForce.none(
                 f"its zero is {self.age / 3600.0:.0f} h old, and no rest came before the touch"
