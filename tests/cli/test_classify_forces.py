@@ -146,6 +146,19 @@ def test_a_rest_far_off_the_calibration_refuses_the_force(skin) -> None:
     assert not weighed(loads, pressed(skin, 0.0)).refused  # what pressed on all of it is off again
 
 
+def test_pressures_have_no_force_by_a_calibration_of_raw_counts(
+    folder: Path, skin, tmp_path: Path
+) -> None:
+    reason, model = "raw counts are calibrated, and pressures come", straight(len(skin))
+    raw, part = replace(model, rest=model.rest + 60.0), PreparedSkin(skin)
+    samples = pressed(skin, 0.0)
+    assert weighed(PartLoads(part, raw, 50.0, "pressure"), samples).refused == reason
+    assert not weighed(PartLoads(part, model, 50.0, "pressure"), samples).refused
+    words = (folder / "touches.npz", "--calibration", write(tmp_path / "raw", raw), "--json")
+    refused = {one["load"]["refused"] for one in json.loads(run(*words))["touches"]}
+    assert refused == {reason}
+
+
 def test_calibrations_of_other_skins_are_refused(folder: Path, tmp_path: Path) -> None:
     small = write(tmp_path / "small", straight(7))
     touches = folder / "touches.npz"

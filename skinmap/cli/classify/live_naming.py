@@ -34,7 +34,12 @@ from skinmap.live.contacts.named_touch import UNNAMED, TouchEvent
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
 from skinmap.live.publishing.publish import open_publisher
-from skinmap.live.response.loads import heaviest_load, load_calibrations
+from skinmap.live.response.loads import (
+    PRESSURES,
+    far_rest,
+    heaviest_load,
+    load_calibrations,
+)
 from skinmap.live.response.pressures import load_responses
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.open_source import open_source
@@ -421,6 +426,8 @@ def _weighing(
     if calibration is None:
         return lambda event, taxels: None
 
+    if far_rest(calibration, recording.rest().offset):
+        return lambda event, taxels: ContactLoad(**ContactForce.none(PRESSURES).plain())
     forces = PartForces(skin, calibration.answered, calibration.covering)
     found = calibration.pressures(recording.pressures, recording.times)
     rows = recording.rows()

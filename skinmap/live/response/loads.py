@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import SkinMismatchError
+from skinmap.io.recordings.recorded_stream import Kind
 from skinmap.live.contacts.contact_forces import ABOVE, ContactForce, PartForces
 from skinmap.live.response.pressures import by_part
 from skinmap.surface.surface_mesh import SurfaceMesh
@@ -22,6 +23,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 PASCALS = 1e5  # a bar
 REST_SECONDS = 0.8  # untouched, so long, before a zero is taken
 REST_FAR = 0.12  # of the calibrated range: no rest lies further from that of the calibration
+PRESSURES = "raw counts are calibrated, and pressures come"
 ZERO_LASTS = 8 * 3600.0  # older zeros are refused [s]: another day
 
 
@@ -34,6 +36,8 @@ class PartLoads:
     calibration : LoadCalibration
     rate : float
         Samples a second, 0 where unknown.
+    kind : {"raw", "pressure"}
+        Of the samples.
 
     Raises
     ------
@@ -41,13 +45,17 @@ class PartLoads:
         Another number of taxels was calibrated.
     """
 
-    def __init__(self, skin: PreparedSkin, calibration: LoadCalibration, rate: float) -> None:
+    def __init__(
+        self, skin: PreparedSkin, calibration: LoadCalibration, rate: float, kind: Kind = "raw"
+    ) -> None:
         self.forces = PartForces(skin, calibration.answered, calibration.covering)
         self._calibration = calibration
         self._needed = max(2, round(REST_SECONDS * (rate or calibration.rate)))
         self._stream = calibration.stream(rate or None)
         self._rest: list[FloatArray] = []
-        self._off = 0.0  # median of the last rest from that of the calibration, in spans
+        self._far = ""  # why rest is none of this calibration
+        if kind == "pressure" and far_rest(calibration, np.zeros(len(skin))):
+            self._far = PRESSURES
         self._found = np.full((3, len(skin)), np.nan)
         self._when = calibration.zeroed
 
@@ -69,28 +77,33 @@ class PartLoads:
         self._found = PASCALS * self._stream.rows(self._calibration.cooled(counts))[:, -1]
 
     def _listen(self, counts: FloatArray, touched: bool) -> None:
-        self._rest = [] if touched else [*self._rest, counts]
+        self._rest = [] if touched or self._far == PRESSURES else [*self._rest, counts]
         if sum(map(len, self._rest)) < self._needed:
             return
         rest, self._rest = np.concatenate(self._rest), []
-        model, own = self._calibration, self.forces.answered
-        away = (model.cooled(rest) - model.rest) / model.span
-        self._off = float(np.median(away[:, own])) if own.any() else 0.0
-        if abs(self._off) <= REST_FAR:
+        self._far = far_rest(self._calibration, np.median(rest, axis=0))
+        if not self._far:
             self._stream.zero(rest)
             self._when = time.time()
 
     def force(self, taxels: IntArray) -> ContactForce:
         """Of the touch on some taxels (k,), by the newest sample."""
-        if abs(self._off) > REST_FAR:
-            return ContactForce.none(
-                f"rest lies {100 * abs(self._off):.0f} % of the range off: fit the calibration anew"
-            )
+        if self._far:
+            return ContactForce.none(self._far)
         if not self._stream.session.zeroed and self.age > ZERO_LASTS:
             return ContactForce.none(
                 f"its zero is {self.age / 3600.0:.0f} h old, and no rest came before the touch"
             )
         return force_of(self.forces, taxels, self._found, self._stream.session.shared)
+
+
+def far_rest(calibration: LoadCalibration, counts: FloatArray) -> str:
+    """Why counts (n,) are no rest of a calibration; empty where they are."""
+    away = (calibration.cooled(counts) - calibration.rest) / calibration.span
+    own = calibration.answered
+    off = abs(float(np.median(away[own]))) if own.any() else 0.0
+    words = f"rest lies {100 * off:.0f} % of the range off: fit the calibration anew"
+    return words if off > REST_FAR else ""
 
 
 def force_of(
