@@ -124,16 +124,16 @@ def test_loop_refuses_a_zero_of_another_day(skin) -> None:
 
 
 def pressed(skin, rest: float, seconds: float = 2.0) -> np.ndarray:
-    """Samples (t, n) of 50 a second: so long at rest, and the last one with a fingertip on it."""
+    """Samples (t, n) of 50 a second: so long at rest, and a second with a fingertip on it."""
     away = np.linalg.norm(skin.positions - skin.positions[60], axis=1)
     touch = 130.0 * np.exp(-0.5 * (away / 0.01) ** 2)
-    return rest + np.outer(np.arange(round(50 * seconds) + 1) == round(50 * seconds), touch)
+    return rest + np.outer(np.arange(round(50 * seconds) + 50) >= round(50 * seconds), touch)
 
 
 def weighed(loads: PartLoads, samples: np.ndarray) -> ContactForce:
-    """Force of the touch of the last sample; nothing touches before."""
-    loads.take(samples[:-1], touched=False)
-    loads.take(samples[-1:], touched=True)
+    """Force of the touch of the last second; nothing touches before."""
+    loads.take(samples[:-50], touched=False)
+    loads.take(samples[-50:], touched=True)
     return loads.force(np.flatnonzero(samples[-1] > samples[0] + 40.0))
 
 
@@ -157,6 +157,22 @@ def test_pressures_have_no_force_by_a_calibration_of_raw_counts(
     words = (folder / "touches.npz", "--calibration", write(tmp_path / "raw", raw), "--json")
     refused = {one["load"]["refused"] for one in json.loads(run(*words))["touches"]}
     assert refused == {reason}
+
+
+@pytest.mark.parametrize("drift", [-0.02, 0.02])
+def test_the_zero_follows_rest_between_touches(skin, drift: float) -> None:
+    loads = PartLoads(PreparedSkin(skin), straight(len(skin)), 50.0)
+    samples = pressed(skin, 10.0, 4.0)
+    first = weighed(loads, samples)
+    for now in range(100):  # another touch every four seconds
+        found = weighed(loads, samples + 4 * now * drift)
+    assert found.force.value == pytest.approx(first.force.value, rel=0.02)
+    width = np.ptp(found.force) / found.force.value
+    for now in range(100, 130):  # two minutes without any rest
+        loads.take(samples[-1:].repeat(200, axis=0) + 4 * now * drift, touched=True)
+    found = loads.force(np.flatnonzero(samples[-1] > 50.0))
+    assert np.ptp(found.force) / found.force.value > width
+    assert found.force.low < first.force.value < found.force.high
 
 
 def test_calibrations_of_other_skins_are_refused(folder: Path, tmp_path: Path) -> None:

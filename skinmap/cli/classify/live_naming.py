@@ -34,12 +34,7 @@ from skinmap.live.contacts.named_touch import UNNAMED, TouchEvent
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
 from skinmap.live.publishing.publish import open_publisher
-from skinmap.live.response.loads import (
-    PRESSURES,
-    far_rest,
-    heaviest_load,
-    load_calibrations,
-)
+from skinmap.live.response.loads import PRESSURES, far_rest, heaviest_load, load_calibrations
 from skinmap.live.response.pressures import load_responses
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.open_source import open_source
