@@ -25,6 +25,9 @@ PASCALS = 1e5  # a bar
 REST_SECONDS = 0.8  # untouched, so long, before a zero is taken
 REST_FAR = 0.12  # of the calibrated range: no rest lies further from that of the calibration
 DRIFT = 0.015  # counts a second that rest drifts by, standard deviation: some drift by `FOLLOWED`
+# The heaviest moment of a touch: the median of those so far from its heaviest sample [s], and no
+# lighter than so much of it, lest a quick poke loses its peak.
+AROUND, NEAR = 0.1, 0.9
 PRESSURES = "raw counts are calibrated, and pressures come"
 ZERO_LASTS = 8 * 3600.0  # older zeros are refused [s]: another day
 
@@ -143,14 +146,21 @@ def force_of(
     return forces.contact(taxels, *found, shared=share)
 
 
+def steady(totals: FloatArray) -> int:
+    """Which of the totals (k,) about a heaviest one stands for it: noise made the largest."""
+    near = np.flatnonzero(totals >= NEAR * totals.max())
+    return int(near[np.argsort(totals[near])[len(near) // 2]])
+
+
 def heaviest_load(
     forces: PartForces,
     calibration: LoadCalibration,
     found: tuple[FloatArray, FloatArray, FloatArray],
     rows: IntArray,
     taxels: BoolArray,
+    rate: float = 0.0,
 ) -> ContactForce:
-    """Force of a recorded touch at its heaviest sample.
+    """Force of a recorded touch at its heaviest moment.
 
     Refused where any sample lies above the range: no other one stands for the heaviest.
 
@@ -162,11 +172,16 @@ def heaviest_load(
         Samples of the touch.
     taxels : (n,) bool
         Of the touch.
+    rate : float
+        Samples a second; without it the heaviest sample itself is taken.
     """
     own = found[0][rows][:, taxels & forces.answered]
     if np.isnan(own).any():
         return ContactForce.none(ABOVE)
-    row = rows[int(own.sum(axis=1).argmax())]
+    total = own.sum(axis=1)
+    top, around = int(total.argmax()), round(AROUND * rate)
+    first = max(0, top - around)
+    row = rows[first + steady(total[first : top + around + 1])]
     moment = PASCALS * np.stack([one[row] for one in found]).astype(np.float64)
     return force_of(forces, np.flatnonzero(taxels), moment, calibration.doubt)
 
