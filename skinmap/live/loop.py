@@ -250,7 +250,8 @@ class TouchLoop(Summary):
 
             known = [part for part in calibrations if part in self.skins]
             self._loads = {
-                part: PartLoads(self.skins[part], calibrations[part], info.rate) for part in known
+                part: PartLoads(self.skins[part], calibrations[part], info.rate, info.kind)
+                for part in known
             }
         self._gate = RestGate(self._skin, info.rate)
         self._tracker = ContactTracker(self._skin)

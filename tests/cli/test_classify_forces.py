@@ -15,10 +15,13 @@ from click.testing import CliRunner
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.io.robots.manifest import load_robot
+from skinmap.live.contacts.contact_forces import ContactForce
 from skinmap.live.loop import TouchLoop
+from skinmap.live.response.loads import PartLoads
 from skinmap.live.sources.open_source import open_source
 from skinmap.memory_features import FEATURES
 from skinmap.touch.load_calibration import LoadCalibration
+from skinmap.touch.prepared_skin import PreparedSkin
 
 PART = "left_forearm"
 FULL = 0.5  # bar that 200 counts stand for
@@ -118,6 +121,58 @@ def test_loop_refuses_a_zero_of_another_day(skin) -> None:
     found = [next(moments).touches[0].load for _ in range(20)]
     loop.close()  # with a rest of its own the age does not matter
     assert any(not one.refused for one in found)
+
+
+def pressed(skin, rest: float, seconds: float = 2.0) -> np.ndarray:
+    """Samples (t, n) of 50 a second: so long at rest, and a second with a fingertip on it."""
+    away = np.linalg.norm(skin.positions - skin.positions[60], axis=1)
+    touch = 130.0 * np.exp(-0.5 * (away / 0.01) ** 2)
+    return rest + np.outer(np.arange(round(50 * seconds) + 50) >= round(50 * seconds), touch)
+
+
+def weighed(loads: PartLoads, samples: np.ndarray) -> ContactForce:
+    """Force of the touch of the last second; nothing touches before."""
+    loads.take(samples[:-50], touched=False)
+    loads.take(samples[-50:], touched=True)
+    return loads.force(np.flatnonzero(samples[-1] > samples[0] + 40.0))
+
+
+def test_a_rest_far_off_the_calibration_refuses_the_force(skin) -> None:
+    part, model = PreparedSkin(skin), straight(len(skin))
+    assert not weighed(PartLoads(part, model, 50.0), pressed(skin, 20.0)).refused
+    loads = PartLoads(part, model, 50.0)
+    found = weighed(loads, pressed(skin, 32.0))
+    assert found.refused == "rest lies 16 % of the range off: fit the calibration anew"
+    assert not weighed(loads, pressed(skin, 0.0)).refused  # what pressed on all of it is off again
+
+
+def test_pressures_have_no_force_by_a_calibration_of_raw_counts(
+    folder: Path, skin, tmp_path: Path
+) -> None:
+    reason, model = "raw counts are calibrated, and pressures come", straight(len(skin))
+    raw, part = replace(model, rest=model.rest + 60.0), PreparedSkin(skin)
+    samples = pressed(skin, 0.0)
+    assert weighed(PartLoads(part, raw, 50.0, "pressure"), samples).refused == reason
+    assert not weighed(PartLoads(part, model, 50.0, "pressure"), samples).refused
+    words = (folder / "touches.npz", "--calibration", write(tmp_path / "raw", raw), "--json")
+    refused = {one["load"]["refused"] for one in json.loads(run(*words))["touches"]}
+    assert refused == {reason}
+
+
+@pytest.mark.parametrize("drift", [-0.02, 0.02])
+def test_the_zero_follows_rest_between_touches(skin, drift: float) -> None:
+    loads = PartLoads(PreparedSkin(skin), straight(len(skin)), 50.0)
+    samples = pressed(skin, 10.0, 4.0)
+    first = weighed(loads, samples)
+    for now in range(100):  # another touch every four seconds
+        found = weighed(loads, samples + 4 * now * drift)
+    assert found.force.value == pytest.approx(first.force.value, rel=0.02)
+    width = np.ptp(found.force) / found.force.value
+    for now in range(100, 130):  # two minutes without any rest
+        loads.take(samples[-1:].repeat(200, axis=0) + 4 * now * drift, touched=True)
+    found = loads.force(np.flatnonzero(samples[-1] > 50.0))
+    assert np.ptp(found.force) / found.force.value > width
+    assert found.force.low < first.force.value < found.force.high
 
 
 def test_calibrations_of_other_skins_are_refused(folder: Path, tmp_path: Path) -> None:

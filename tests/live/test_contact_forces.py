@@ -151,6 +151,37 @@ def test_a_recorded_touch_that_leaves_the_range_is_refused(sheet: PreparedSkin) 
     assert ask(rows=np.arange(2)).force.value > 0.0
 
 
+def test_a_touch_smaller_than_a_taxel_lies_within_the_interval_of_its_area(
+    sheet: PreparedSkin,
+) -> None:
+    forces, away = PartForces(sheet), sheet.skin.positions - sheet.skin.positions[112]
+    taxel = np.median(sheet.geometry.areas)
+    for shift in (0.0, 2e-3, 3e-3):  # on a taxel, and between two
+        beside = np.linalg.norm(away - [shift, 0.0, 0.0], axis=1)
+        pressure = 4e4 * np.exp(-0.5 * (beside / 2.7e-3) ** 2)  # as foam spreads a point
+        found = exact(forces, pressure, np.flatnonzero(pressure > 4e3))
+        assert 0.0 < found.area.low < 0.2 * taxel
+        assert found.mean.high < np.inf
+    broad = 4e4 * np.exp(-0.5 * (np.linalg.norm(away, axis=1) / 8e-3) ** 2)
+    assert exact(forces, broad, np.flatnonzero(broad > 4e3)).area.low > 3 * taxel
+
+
+def test_noise_does_not_make_the_heaviest_moment_heavier(sheet: PreparedSkin) -> None:
+    forces, taxels = PartForces(sheet), np.isin(np.arange(225), [111, 112, 113])
+    model, rng = SimpleNamespace(doubt=0.01), np.random.default_rng(3)
+
+    def heaviest(loads: np.ndarray) -> float:
+        bars = loads[:, None] * np.where(taxels, 1.0, 0.05)
+        found, rows = (bars, bars - 0.1, bars + 0.1), np.arange(len(loads))
+        return heaviest_load(forces, model, found, rows, taxels, 50.0).force.value
+
+    held = np.interp(np.arange(100), [10, 20, 90, 99], [0.1, 1.0, 1.0, 0.1])
+    noisy = [heaviest(held + rng.normal(0.0, 0.03, 100)) for _ in range(20)]
+    assert np.mean(noisy) == pytest.approx(heaviest(held), rel=0.03)
+    poke = np.interp(np.arange(20), [5, 10, 15], [0.1, 1.0, 0.1])  # its peak stays
+    assert heaviest(poke) > 0.9 * heaviest(held)
+
+
 def test_a_broad_touch_is_felt_beyond_its_contact(sheet: PreparedSkin) -> None:
     forces, n = PartForces(sheet), 225
     away = np.linalg.norm(sheet.skin.positions - sheet.skin.positions[112], axis=1)

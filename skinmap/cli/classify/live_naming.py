@@ -34,7 +34,14 @@ from skinmap.live.contacts.named_touch import UNNAMED, TouchEvent
 from skinmap.live.loop import TouchLoop
 from skinmap.live.moment import Moment
 from skinmap.live.publishing.publish import open_publisher
-from skinmap.live.response.loads import heaviest_load, load_calibrations
+from skinmap.live.response.loads import (
+    AROUND,
+    PRESSURES,
+    far_rest,
+    heaviest_load,
+    load_calibrations,
+    steady,
+)
 from skinmap.live.response.pressures import load_responses
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.open_source import open_source
@@ -127,6 +134,31 @@ def _rank(load: ContactForce) -> tuple[bool, float]:
     return False, load.force.value
 
 
+class _Heaviest:
+    """Load of a live touch at its heaviest moment so far."""
+
+    def __init__(self) -> None:
+        self._recent: list[tuple[float, ContactForce]] = []
+        self._when, self._top = float("-inf"), ContactForce.none(TOO_LIGHT)
+        self._near: list[ContactForce] = []
+
+    def add(self, now: float, load: ContactForce) -> None:
+        """Take the load of a moment [s]."""
+        kept = [one for one in self._recent if now - one[0] <= AROUND]
+        self._recent = [*kept, (now, load)]
+        if not self._near or _rank(load) > _rank(self._top):
+            self._when, self._top, self._near = now, load, [one for _, one in self._recent]
+        elif now - self._when <= AROUND:
+            self._near.append(load)
+
+    def load(self) -> ContactForce:
+        """The heaviest; one that was refused stays refused."""
+        if self._top.refused:
+            return self._top
+        known = [one for one in self._near if not one.refused]
+        return known[steady(np.array([one.force.value for one in known]))]
+
+
 class _Run:
     """Prints what the loop finds."""
 
@@ -134,7 +166,7 @@ class _Run:
         self.loop, self.spec, self.classifier, self.as_json = loop, spec, classifier, as_json
         self.touches = self.withdrawn = 0
         self.latencies: deque[float] = deque(maxlen=LATENCIES)
-        self.loads: dict[int, ContactForce] = {}  # heaviest so far, by number of the touch
+        self.loads: dict[int, _Heaviest] = {}  # by number of the touch
         self.first = self.last = float("nan")
 
     def until(self, seconds: float | None) -> None:
@@ -164,13 +196,10 @@ class _Run:
         self._tell_touches()
 
     def _weigh(self, moment: Moment) -> None:
-        """Keep the heaviest force of each touch; one that was refused stays refused."""
+        """Keep the heaviest force of each touch."""
         for touch in moment.touches:
-            if touch.load is None:
-                continue
-            before = self.loads.get(touch.identity)
-            if before is None or _rank(touch.load) > _rank(before):
-                self.loads[touch.identity] = touch.load
+            if touch.load is not None:
+                self.loads.setdefault(touch.identity, _Heaviest()).add(moment.time, touch.load)
 
     def _tell_touches(self) -> None:
 
@@ -179,7 +208,8 @@ class _Run:
             if touch.label == UNNAMED and not self.loop.live:
                 continue  # all samples were named from, and nobody's touch was among these
             self.touches += 1
-            load = self.loads.pop(touch.identity, None)
+            heaviest = self.loads.pop(touch.identity, None)
+            load = None if heaviest is None else heaviest.load()
             hand = "-" if touch.answers is None else touch.answers.hand.answer
             area = f"{touch.area_least * MM**2:4.0f} to {touch.area * MM**2:4.0f} mm2"
             if self.as_json:
@@ -421,12 +451,14 @@ def _weighing(
     if calibration is None:
         return lambda event, taxels: None
 
+    if far_rest(calibration, recording.rest().offset):
+        return lambda event, taxels: ContactLoad(**ContactForce.none(PRESSURES).plain())
     forces = PartForces(skin, calibration.answered, calibration.covering)
     found = calibration.pressures(recording.pressures, recording.times)
     rows = recording.rows()
 
     def weigh(event: int, taxels: BoolArray) -> ContactLoad:
-        own = heaviest_load(forces, calibration, found, rows[event], taxels)
+        own = heaviest_load(forces, calibration, found, rows[event], taxels, recording.rate)
         return ContactLoad(**own.plain())
 
     return weigh

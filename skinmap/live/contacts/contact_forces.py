@@ -41,6 +41,9 @@ TOO_LIGHT, ABOVE = "too light for a force", "above the calibrated range"
 # variants of MuJoCo on two parts 98 % cover more than `LESS` of the first and 94 % less than `MORE`
 # of the second; `evaluate --protocol force` judges by another variant on other parts.
 FELT, LESS, MORE = 0.05, 0.75, 1.2
+# Fewer taxels above `HARD` do not show how small a touch is: foam spreads a point over so many.
+# Not 0, as pressures are forces by areas: a twentieth of a taxel is the tip of a pencil.
+CARRY, SMALL = 3, 0.05
 
 
 class Interval(NamedTuple):
@@ -297,6 +300,7 @@ class PartForces:
             area, away = float(self.covering.area(guess)), NORMAL_90 * self.covering.doubt
             return Interval(area, area * np.exp(-away), area * np.exp(away))
         peak = pressed.max()
-        low = LESS * float(areas[pressed >= HARD * peak].sum())
+        hard = areas[pressed >= HARD * peak]
+        low = (LESS if len(hard) >= CARRY else SMALL) * float(hard.sum())
         high = MORE * float(areas[pressed >= FELT * peak].sum())
         return Interval(float(np.clip(guess, low, high)), low, high)

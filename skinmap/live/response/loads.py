@@ -13,8 +13,10 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import SkinMismatchError
+from skinmap.io.recordings.recorded_stream import Kind
 from skinmap.live.contacts.contact_forces import ABOVE, ContactForce, PartForces
 from skinmap.live.response.pressures import by_part
+from skinmap.live.response.rest_gate import FOLLOWED
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.load_calibration import NORMAL_90, LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -22,6 +24,11 @@ from skinmap.touch.prepared_skin import PreparedSkin
 PASCALS = 1e5  # a bar
 REST_SECONDS = 0.8  # untouched, so long, before a zero is taken
 REST_FAR = 0.12  # of the calibrated range: no rest lies further from that of the calibration
+DRIFT = 0.015  # counts a second that rest drifts by, standard deviation: some drift by `FOLLOWED`
+# The heaviest moment of a touch: the median of those so far from its heaviest sample [s], and no
+# lighter than so much of it, lest a quick poke loses its peak.
+AROUND, NEAR = 0.1, 0.9
+PRESSURES = "raw counts are calibrated, and pressures come"
 ZERO_LASTS = 8 * 3600.0  # older zeros are refused [s]: another day
 
 
@@ -34,6 +41,8 @@ class PartLoads:
     calibration : LoadCalibration
     rate : float
         Samples a second, 0 where unknown.
+    kind : {"raw", "pressure"}
+        Of the samples.
 
     Raises
     ------
@@ -41,13 +50,22 @@ class PartLoads:
         Another number of taxels was calibrated.
     """
 
-    def __init__(self, skin: PreparedSkin, calibration: LoadCalibration, rate: float) -> None:
+    def __init__(
+        self, skin: PreparedSkin, calibration: LoadCalibration, rate: float, kind: Kind = "raw"
+    ) -> None:
         self.forces = PartForces(skin, calibration.answered, calibration.covering)
         self._calibration = calibration
-        self._needed = max(2, round(REST_SECONDS * (rate or calibration.rate)))
+        self._rate = rate or calibration.rate
+        self._needed = max(2, round(REST_SECONDS * self._rate))
         self._stream = calibration.stream(rate or None)
-        self._rest: list[FloatArray] = []
+        self._doubt = self._stream.session.shared
+        self._home = np.zeros(len(skin))  # rest at the zero, less the shift taken there
+        self._since, self._left = 0, 0.0  # samples after rest was seen, counts it was not followed
+        self._far = ""  # why rest is none of this calibration
+        if kind == "pressure" and far_rest(calibration, np.zeros(len(skin))):
+            self._far = PRESSURES
         self._found = np.full((3, len(skin)), np.nan)
+        self._forget()
         self._when = calibration.zeroed
 
     @property
@@ -58,35 +76,65 @@ class PartLoads:
     def zero(self) -> None:
         """Take the zero anew as soon as nothing touches."""
         self._stream.session = replace(self._stream.session, zeroed=False)
-        self._rest = []
+        self._forget()
 
     def take(self, samples: NDArray[Any], touched: bool) -> None:
         """Take samples (t, n) [counts]; `touched` where something is on any skin."""
-        counts = np.asarray(samples, np.float64)
-        if not self._stream.session.zeroed:
-            self._listen(counts, touched)
-        self._found = PASCALS * self._stream.rows(self._calibration.cooled(counts))[:, -1]
-
-    def _listen(self, counts: FloatArray, touched: bool) -> None:
+        counts = self._calibration.cooled(np.asarray(samples, np.float64))
+        self._since += len(counts)
         if touched:
-            self._rest = []
+            self._forget()
+        elif self._far != PRESSURES:
+            self._listen(counts)
+        drift = self._left + DRIFT * self._since / self._rate
+        shared = float(np.hypot(self._doubt, drift * self._calibration.count_bar))
+        self._stream.session = replace(self._stream.session, shared=shared)
+        self._found = PASCALS * self._stream.rows(counts)[:, -1]
+
+    def _forget(self) -> None:
+        self._heard, self._sum = 0, np.zeros(len(self._found[0]))
+        self._rest: list[FloatArray] = []
+
+    def _listen(self, counts: FloatArray) -> None:
+        """Take the zero by the first calm stretch of rest, and follow it by those after it."""
+        zeroed = self._stream.session.zeroed
+        self._heard, self._sum = self._heard + len(counts), self._sum + counts.sum(axis=0)
+        self._rest += [] if zeroed else [counts]
+        if self._heard < self._needed:
             return
-        model, own = self._calibration, self.forces.answered
-        away = (model.cooled(counts) - model.rest) / model.span
-        level = np.median(away[:, own]) if own.any() else np.inf
-        self._rest = [] if abs(level) > REST_FAR else [*self._rest, counts]
-        if sum(map(len, self._rest)) >= self._needed:
-            self._stream.zero(np.concatenate(self._rest))
-            self._when = time.time()
-            self._rest = []
+        rest = self._sum / self._heard
+        self._far = far_rest(self._calibration, rest)
+        if not self._far:
+            if not zeroed:
+                self._stream.zero(np.concatenate(self._rest))
+                self._doubt = self._stream.session.shared
+                self._home = rest - self._stream.session.shift
+            session, own = self._stream.session, self.forces.answered
+            away, most = rest - self._home - session.shift, FOLLOWED * self._heard / self._rate
+            step = np.clip(away, -most, most)
+            self._stream.session = replace(session, shift=session.shift + step)
+            self._left = abs(float(np.median((away - step)[own]))) if own.any() else 0.0
+            self._since, self._when = 0, time.time()
+        self._forget()
 
     def force(self, taxels: IntArray) -> ContactForce:
         """Of the touch on some taxels (k,), by the newest sample."""
+        if self._far:
+            return ContactForce.none(self._far)
         if not self._stream.session.zeroed and self.age > ZERO_LASTS:
             return ContactForce.none(
                 f"its zero is {self.age / 3600.0:.0f} h old, and no rest came before the touch"
             )
         return force_of(self.forces, taxels, self._found, self._stream.session.shared)
+
+
+def far_rest(calibration: LoadCalibration, counts: FloatArray) -> str:
+    """Why cooled counts (n,) are no rest of a calibration; empty where they are."""
+    away = (counts - calibration.rest) / calibration.span
+    own = calibration.answered
+    off = abs(float(np.median(away[own]))) if own.any() else 0.0
+    words = f"rest lies {100 * off:.0f} % of the range off: fit the calibration anew"
+    return words if off > REST_FAR else ""
 
 
 def force_of(
@@ -98,14 +146,21 @@ def force_of(
     return forces.contact(taxels, *found, shared=share)
 
 
+def steady(totals: FloatArray) -> int:
+    """Which of the totals (k,) about a heaviest one stands for it: noise made the largest."""
+    near = np.flatnonzero(totals >= NEAR * totals.max())
+    return int(near[np.argsort(totals[near])[len(near) // 2]])
+
+
 def heaviest_load(
     forces: PartForces,
     calibration: LoadCalibration,
     found: tuple[FloatArray, FloatArray, FloatArray],
     rows: IntArray,
     taxels: BoolArray,
+    rate: float = 0.0,
 ) -> ContactForce:
-    """Force of a recorded touch at its heaviest sample.
+    """Force of a recorded touch at its heaviest moment.
 
     Refused where any sample lies above the range: no other one stands for the heaviest.
 
@@ -117,11 +172,16 @@ def heaviest_load(
         Samples of the touch.
     taxels : (n,) bool
         Of the touch.
+    rate : float
+        Samples a second; without it the heaviest sample itself is taken.
     """
     own = found[0][rows][:, taxels & forces.answered]
     if np.isnan(own).any():
         return ContactForce.none(ABOVE)
-    row = rows[int(own.sum(axis=1).argmax())]
+    total = own.sum(axis=1)
+    top, around = int(total.argmax()), round(AROUND * rate)
+    first = max(0, top - around)
+    row = rows[first + steady(total[first : top + around + 1])]
     moment = PASCALS * np.stack([one[row] for one in found]).astype(np.float64)
     return force_of(forces, np.flatnonzero(taxels), moment, calibration.doubt)
 
