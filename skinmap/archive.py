@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import io
+import json
 import os
 import struct
 import warnings
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -81,6 +83,44 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """
     with open_arrays(path, "an archive of arrays") as arrays:
         return {name: arrays[name] for name in arrays.files}
+
+
+def headed(head: Mapping[str, Any], arrays: Mapping[str, Any]) -> bytes:
+    """A compressed archive of arrays whose member `head` is JSON; `open_headed` opens it."""
+    buffer = io.BytesIO()
+    text = np.frombuffer(json.dumps(head).encode(), np.uint8)
+    np.savez_compressed(buffer, head=text, **arrays)
+    return buffer.getvalue()
+
+
+@contextmanager
+def open_headed(path: Path, format: str, expected: str) -> Iterator[tuple[dict[str, Any], NpzFile]]:
+    """Head and arrays of an archive that `headed` made.
+
+    Parameters
+    ----------
+    path : Path
+    format : str
+        What its head must say.
+    expected : str
+        What the archive is, for messages.
+
+    Raises
+    ------
+    DataFormatError
+        Another format or a damaged archive; and whatever is wrong with what it holds, of those who
+        use it inside the `with`.
+    """
+    try:
+        with open_arrays(path) as arrays:
+            head = json.loads(arrays["head"].tobytes())
+            if head["format"] != format:
+                raise DataFormatError(f"format {head['format']!r}, expected {format!r}", path)
+            yield head, arrays
+    except DAMAGED_ARCHIVE as error:
+        if isinstance(error, DataFormatError):
+            raise
+        raise DataFormatError(f"not {expected}: {error}", path) from error
 
 
 def check_directory(whole: zipfile.ZipFile) -> None:

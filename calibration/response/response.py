@@ -5,8 +5,6 @@ Files of response calibrations: a zip of plain arrays with a head in JSON.
 
 from __future__ import annotations
 
-import io
-import json
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -23,11 +21,9 @@ from calibration.response.gain import (
     fit_gain,
     lag_of,
 )
-from skinmap.archive import open_arrays
+from skinmap.archive import headed, open_headed
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import (
-    DAMAGED_ARCHIVE,
-    DataFormatError,
     InvalidArrayError,
     MissingFileError,
     SkinMismatchError,
@@ -542,13 +538,10 @@ def save_response(response: ResponseCalibration, path: Path) -> None:
     given = {name: getattr(response, name) for name in ARRAYS}
     arrays: dict[str, Any] = {name: own for name, own in given.items() if own is not None}
     head = {name: getattr(response, name) for name in HEAD} | {"health": response.health.tolist()}
-    arrays["head"] = np.frombuffer(json.dumps({"format": FORMAT, **head}).encode(), np.uint8)
     if response.gain is not None:
         arrays |= {"gain_loads": response.gain.knots, "gain_counts": response.gain.counts}
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
     with staged_file(path) as stage:
-        stage.write_bytes(buffer.getvalue())
+        stage.write_bytes(headed({"format": FORMAT, **head}, arrays))
 
 
 def load_response(path: Path, *, fingerprint: str = "") -> ResponseCalibration:
@@ -585,20 +578,12 @@ def load_response(path: Path, *, fingerprint: str = "") -> ResponseCalibration:
     """
     if not path.is_file():
         raise MissingFileError(path, "a response calibration")
-    try:
-        with open_arrays(path) as arrays:
-            head = json.loads(arrays["head"].tobytes())
-            if head["format"] != FORMAT:
-                raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
-            known: dict[str, Any] = {name: kind(head[name]) for name, kind in HEAD.items()}
-            known |= {name: arrays[name] for name in ARRAYS[:3]}
-            known |= {name: arrays.get(name) for name in ARRAYS[3:]}
-            if "gain_loads" in arrays:
-                known["gain"] = Gain(arrays["gain_loads"], arrays["gain_counts"])
-            response = ResponseCalibration(**known, health=np.array(head["health"], dtype="<U13"))
-    except DAMAGED_ARCHIVE as error:
-        if isinstance(error, DataFormatError):
-            raise
-        raise DataFormatError(f"not a response calibration: {error}", path) from error
+    with open_headed(path, FORMAT, "a response calibration") as (head, arrays):
+        known: dict[str, Any] = {name: kind(head[name]) for name, kind in HEAD.items()}
+        known |= {name: arrays[name] for name in ARRAYS[:3]}
+        known |= {name: arrays.get(name) for name in ARRAYS[3:]}
+        if "gain_loads" in arrays:
+            known["gain"] = Gain(arrays["gain_loads"], arrays["gain_counts"])
+        response = ResponseCalibration(**known, health=np.array(head["health"], dtype="<U13"))
     response.check_skin(fingerprint)
     return response

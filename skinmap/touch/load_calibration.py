@@ -8,8 +8,6 @@ the session: the doubt of the shared shift, the wander of the taxel's own rest, 
 
 from __future__ import annotations
 
-import io
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,11 +16,9 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skinmap.archive import open_arrays
+from skinmap.archive import headed, open_headed
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import (
-    DAMAGED_ARCHIVE,
-    DataFormatError,
     InvalidArrayError,
     MissingFileError,
     SkinMismatchError,
@@ -202,26 +198,16 @@ class LoadCalibration:
         path = path / FILE if path.is_dir() else path
         if not path.is_file():
             raise MissingFileError(path, "a calibration made by `skinmap calibrate load -o`")
-        try:
-            with open_arrays(path) as arrays:
-                head = json.loads(arrays["head"].tobytes())
-                head = {"mean_s": MEAN_SECONDS, "uneven": 0.0} | head
-                if head["format"] != FORMAT:
-                    raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
-                held: dict[str, Any] = {
-                    name: np.asarray(arrays[name], np.float64) for name in ARRAYS
-                }
-                known = {name: kind(head[name]) for name, kind in HEAD.items()}
-                if prints := head.get("covering"):
-                    known["covering"] = Covering(*map(float, prints))
-                if "warmth" in arrays:
-                    channel, slope, usual = np.asarray(arrays["warmth"], np.float64)
-                    known["warmth"] = Warmth(channel.astype(np.int64), slope, usual)
-                found = cls(**held, **known)
-        except DAMAGED_ARCHIVE as error:
-            if isinstance(error, DataFormatError):
-                raise
-            raise DataFormatError(f"not a calibration of loads: {error}", path) from error
+        with open_headed(path, FORMAT, "a calibration of loads") as (head, arrays):
+            head = {"mean_s": MEAN_SECONDS, "uneven": 0.0} | head
+            held: dict[str, Any] = {name: np.asarray(arrays[name], np.float64) for name in ARRAYS}
+            known = {name: kind(head[name]) for name, kind in HEAD.items()}
+            if prints := head.get("covering"):
+                known["covering"] = Covering(*map(float, prints))
+            if "warmth" in arrays:
+                channel, slope, usual = np.asarray(arrays["warmth"], np.float64)
+                known["warmth"] = Warmth(channel.astype(np.int64), slope, usual)
+            found = cls(**held, **known)
         if fingerprint and found.fingerprint and fingerprint != found.fingerprint:
             raise SkinMismatchError(
                 f"{path}: calibrated was the skin {found.fingerprint[:8]}, this is "
@@ -236,10 +222,7 @@ class LoadCalibration:
         arrays: dict[str, Any] = {name: getattr(self, name) for name in ARRAYS}
         if self.warmth is not None:
             arrays["warmth"] = np.stack(self.warmth)
-        buffer = io.BytesIO()
-        text = np.frombuffer(json.dumps(head).encode(), np.uint8)
-        np.savez_compressed(buffer, head=text, **arrays)
-        return buffer.getvalue()
+        return headed(head, arrays)
 
     def pressures(
         self, samples: ArrayLike, times: ArrayLike | None = None, *, zero: Zero = "auto"

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import io
-import json
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -13,9 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.archive import open_arrays
+from skinmap.archive import headed, open_headed
 from skinmap.arrays import FloatArray, IntArray, check_finite, check_whole, freeze
-from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, MissingFileError
+from skinmap.errors import InvalidArrayError, MissingFileError
 from skinmap.summary import Summary, listed
 from skinmap.touch.contacts.rest import Rest, find_rest
 
@@ -174,8 +172,7 @@ def save_recordings(recordings: list[Recording], path: Path) -> None:
     """Write recordings of several parts into one file (a zip of arrays and JSON)."""
     words = ("part", "labels", "robot", "sessions", "people", "fingerprint")
     entries = [{name: getattr(one, name) for name in words} for one in recordings]
-    head = json.dumps({"format": FORMAT, "recordings": entries})
-    arrays: dict[str, Any] = {"head": np.frombuffer(head.encode(), np.uint8)}
+    arrays: dict[str, Any] = {}
     for number, recording in enumerate(recordings):
         for name in ARRAYS:
             array = getattr(recording, name)
@@ -186,9 +183,7 @@ def save_recordings(recordings: list[Recording], path: Path) -> None:
             if motion is not None:
                 for name, array in motion.to_arrays().items():
                     arrays[f"{name}_{number}_{event}"] = array
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)
-    path.write_bytes(buffer.getvalue())
+    path.write_bytes(headed({"format": FORMAT, "recordings": entries}, arrays))
 
 
 def load_recordings(path: Path) -> list[Recording]:
@@ -201,16 +196,8 @@ def load_recordings(path: Path) -> list[Recording]:
     """
     if not path.is_file():
         raise MissingFileError(path, "a recording made by `skinmap simulate`")
-    try:
-        with open_arrays(path) as arrays:
-            head = json.loads(arrays["head"].tobytes())
-            if head["format"] != FORMAT:
-                raise DataFormatError(f"format {head['format']!r}, expected {FORMAT!r}", path)
-            return [_recording(arrays, *entry) for entry in enumerate(head["recordings"])]
-    except DAMAGED_ARCHIVE as error:
-        if isinstance(error, DataFormatError):
-            raise
-        raise DataFormatError(f"not a Skinmap recording: {error}", path) from error
+    with open_headed(path, FORMAT, "a Skinmap recording") as (head, arrays):
+        return [_recording(arrays, *entry) for entry in enumerate(head["recordings"])]
 
 
 def _recording(arrays: Mapping[str, Any], number: int, entry: Mapping[str, Any]) -> Recording:
