@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from functools import wraps
+from functools import partial, wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
@@ -12,6 +12,7 @@ import click
 
 from calibration.commands.results import judged
 from skinmap.commands.options import open_robot, out_folder
+from skinmap.commands.progress import progress
 from skinmap.errors import SkinMismatchError
 from skinmap.report.present import present
 
@@ -79,6 +80,23 @@ class Outputs:
     out: Path | None = None
     accept: bool = False
     as_json: bool = False
+
+    def of(
+        self,
+        words: str,
+        work: Callable[[], tuple[Any, ...]],
+        lines: Callable[[Any], Iterable[str]],
+        write: Callable[..., list[str]],
+        page: Callable[..., str],
+    ) -> None:
+        """Do the work of a command, told as `words`, and end it with what comes of it.
+
+        `work` gives the result and what `write` takes before its folder, `page` before the result.
+        """
+        with progress(1, "calibrate") as advance:
+            advance(words)
+            result, *made = work()
+        self.finish(result, lines, partial(write, *made), partial(page, *made, result))
 
     def finish(
         self,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +14,6 @@ import click
 from calibration.commands.calibration_options import FILE, Outputs, outputs, skin_of, skin_options
 from calibration.commands.results import Calibrated, Spread
 from skinmap.commands.options import Number, prints
-from skinmap.commands.progress import progress
 from skinmap.errors import DataFormatError, SkinMismatchError
 from skinmap.rows import percent
 from skinmap.summary import first_few
@@ -144,15 +144,7 @@ def load(output: Outputs, **given: Any) -> None:
     \b
     Example:  skinmap calibrate load calibration.npz -o load
     """
-    with progress(1, "calibrate") as advance:
-        advance("load")
-        result, fit, pressed = work(**given)
-    output.finish(
-        result,
-        _lines,
-        lambda folder: _write(fit, folder),
-        lambda: _page(fit, pressed, result),
-    )
+    output.of("load", partial(work, **given), _lines, _write, _page)
 
 
 def work(
@@ -272,7 +264,7 @@ def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
     return Pressed(one.name, one.samples, one.rate, reference, one.channels, one.thermal)
 
 
-def _write(fit: LoadFit, folder: Path) -> list[str]:
+def _write(fit: LoadFit, _: list[Pressed], folder: Path) -> list[str]:
     from skinmap.touch.load_calibration import FILE as NAME
 
     (folder / NAME).write_bytes(fit.calibration.to_bytes())

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +18,6 @@ from skinmap.commands.options import (
     prints,
     robot_option,
 )
-from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError
 
 PROPOSED = 3  # poses for the next presses
@@ -158,14 +158,8 @@ def plane(robot: str | None, parts: tuple[str, ...], output: Outputs, **how: Any
     Example:  skinmap calibrate plane presses.npz --robot icub --part right_forearm -o out
     """
     loaded, _ = open_robot(robot, parts)
-    with progress(1, "calibrate") as advance:
-        advance("presses")
-        result, presses, fit = work(loaded, parts, **how)
-    output.finish(
-        result,
-        _lines,
-        lambda folder: _write(loaded, presses, fit, folder),
-        lambda: _page(presses, fit, result),
+    output.of(
+        "presses", partial(work, loaded, parts, **how), _lines, partial(_write, loaded), _page
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,6 @@ import click
 from calibration.commands.calibration_options import FILE, Outputs, outputs, skin_of, skin_options
 from calibration.commands.results import Calibrated
 from skinmap.commands.options import prints
-from skinmap.commands.progress import progress
 from skinmap.rows import percent
 from skinmap.summary import first_few
 
@@ -74,15 +74,8 @@ def response(output: Outputs, **given: Any) -> None:
     \b
     Example:  skinmap calibrate response rest.npy --reference loads.npz -o out
     """
-    with progress(1, "calibrate") as advance:
-        advance("response")
-        result, found = work(**given)
-    output.finish(
-        result,
-        _lines,
-        lambda folder: _write(found, folder),
-        lambda: _page(given["rest"].stem, found, result),
-    )
+    page = partial(_page, given["rest"].stem)
+    output.of("response", partial(work, **given), _lines, _write, page)
 
 
 def work(

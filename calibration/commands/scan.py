@@ -13,7 +13,6 @@ import click
 from calibration.commands.calibration_options import FILE, Outputs, mesh_option, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, grade
 from skinmap.commands.options import prints, units_option
-from skinmap.commands.progress import progress
 from skinmap.report.result import plain
 
 if TYPE_CHECKING:
@@ -104,16 +103,7 @@ def scan(output: Outputs, **given: Any) -> None:
     \b
     Example:  skinmap calibrate scan scan.csv --mesh link.stl --anchors pairs.csv -o out
     """
-    with progress(1, "calibrate") as advance:
-        files = _load(**given)
-        advance("scan")
-        result, found = work(files)
-    output.finish(
-        result,
-        _lines,
-        lambda folder: _write(files, found, result, folder),
-        lambda: _page(files, found, result),
-    )
+    output.of("scan", lambda: work(_load(**given)), _lines, _write, _page)
 
 
 def _load(
@@ -137,7 +127,7 @@ def _load(
     return ScanFiles(title, points, (vertices * unit, faces), anchors, taxels)
 
 
-def work(files: ScanFiles) -> tuple[ScanResult, ScanRegistration]:
+def work(files: ScanFiles) -> tuple[ScanResult, ScanFiles, ScanRegistration]:
     """Register the scan."""
     import numpy as np
 
@@ -156,21 +146,16 @@ def work(files: ScanFiles) -> tuple[ScanResult, ScanRegistration]:
         T_mesh_scan=found.T_mesh_scan.tolist(),
         covariance=found.covariance.tolist(),
     )
-    return result, found
+    return result, files, found
 
 
-def _write(
-    files: ScanFiles,
-    found: ScanRegistration,
-    result: ScanResult,
-    folder: Path,
-) -> list[str]:
+def _write(files: ScanFiles, found: ScanRegistration, folder: Path) -> list[str]:
     import numpy as np
 
     from calibration.files.tables import write_taxels
     from calibration.scan.registration import carried
 
-    kept = {key: getattr(result, key) for key in ("status", "T_mesh_scan", "covariance")}
+    kept = {key: getattr(found, key) for key in ("status", "T_mesh_scan", "covariance")}
     (folder / "pose.json").write_text(json.dumps(plain(kept), indent=2) + "\n", encoding="utf-8")
     if files.taxels is None:
         return ["pose.json"]

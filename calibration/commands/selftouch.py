@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,6 @@ import click
 from calibration.commands.calibration_options import Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Probe, grade
 from skinmap.commands.options import open_robot, prints
-from skinmap.commands.progress import progress
 
 if TYPE_CHECKING:
     from calibration.files.self_touch_files import SelfTouchData
@@ -130,16 +130,11 @@ def selftouch(
     \b
     Example:  skinmap calibrate selftouch touches.mcap --robot icub -o out
     """
-    with progress(1, "calibrate") as advance:
-        advance("self-touch")
-        data = _load(recordings, robot)
-        result, fit = work(data, names)
-    output.finish(
-        result,
-        _lines,
-        lambda folder: _write(data, fit, folder),
-        lambda: _page(data, fit, result),
-    )
+    data = _load(recordings, robot)
+    output.of(
+        "self-touch", partial(work, data, names), _lines,
+        partial(_write, data), partial(_page, data),
+    )  # fmt: skip
 
 
 def _load(recordings: Sequence[Path], robot: str | None) -> SelfTouchData:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,6 @@ import click
 from calibration.commands.calibration_options import FILE, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Grade, Matrix, Spread
 from skinmap.commands.options import prints, units_option
-from skinmap.commands.progress import progress
 
 if TYPE_CHECKING:
     from calibration.files.mount_files import WrenchTouches
@@ -87,16 +87,11 @@ def wrench(touches: Path, units: str, output: Outputs) -> None:
     from calibration.files.mount_files import read_wrenches
     from skinmap.io.text import UNITS
 
-    with progress(1, "calibrate") as advance:
-        advance("wrenches")
-        result, placed = work(read_wrenches(touches, UNITS[units]))
     name = touches.stem
-    output.finish(
-        result,
-        _lines,
-        lambda folder: _write(name, placed, folder),
-        lambda: _page(name, placed, result),
-    )
+    output.of(
+        "wrenches", lambda: work(read_wrenches(touches, UNITS[units])), _lines,
+        partial(_write, name), partial(_page, name),
+    )  # fmt: skip
 
 
 def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
