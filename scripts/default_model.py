@@ -43,8 +43,8 @@ from skinmap.recognition.protocols.physics import mirror_pairs
 from skinmap.recognition.rbf_machine import RbfMachine
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import FOUR, TIME
+from skinmap.touch.simulation.hands import HAND, OTHER, STILL
 from skinmap.touch.simulation.simulator import simulate
-from skinmap.touch.simulation.things import HAND, OTHER, STILL
 
 ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:  # run as a script

@@ -70,8 +70,8 @@ from skinmap.surface.surface_mesh import build_surface as build_surface
 from skinmap.touch.contacts.skin_geometry import Contacts as Contacts
 from skinmap.touch.contacts.skin_geometry import find_contacts as find_contacts
 from skinmap.touch.histograms.codebook import Codebook as Codebook
+from skinmap.touch.histograms.codebook import histograms as histograms
 from skinmap.touch.histograms.codebook import learn_codebook as learn_codebook
-from skinmap.touch.histograms.votes import histograms as histograms
 from skinmap.touch.images.contact_image import contact_image as contact_image
 from skinmap.touch.recording import Recording as Recording
 from skinmap.touch.simulation.simulator import simulate as simulate

@@ -69,7 +69,7 @@ def gestures() -> tuple[str, ...]:
     >>> "poke" in skinmap.gestures()
     True
     """
-    from skinmap.touch.simulation.things import EVERY
+    from skinmap.touch.simulation.hands import EVERY
 
     return EVERY
 

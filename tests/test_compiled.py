@@ -28,7 +28,7 @@ from skinmap.neighbours.matching import _match
 from skinmap.surface.compiled import take_kernel
 from skinmap.numba_loops import compiled
 from skinmap.touch.images.contact_image import compiled_gathers
-from skinmap.touch.histograms import votes
+from skinmap.touch.histograms import codebook as votes
 
 assert skinmap.__file__.startswith(sys.argv[1]), skinmap.__file__
 found = AdditiveFunction([np.zeros(0), np.ones(1)], [np.zeros((0, 1)), np.ones((1, 1))], [2.0])

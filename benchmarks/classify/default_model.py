@@ -32,8 +32,8 @@ from skinmap.recognition.named_classifiers import DEFAULT_FILE, default_model
 from skinmap.recognition.protocols.physics import COVERAGE, judged
 from skinmap.recognition.protocols.results import PhysicsRow
 from skinmap.touch.simulation.gestures import FOUR, TIME
+from skinmap.touch.simulation.hands import HAND, OTHER, STILL
 from skinmap.touch.simulation.simulator import simulate
-from skinmap.touch.simulation.things import HAND, OTHER, STILL
 
 OUT = RESULTS / "default_model.json"
 SKINS = {

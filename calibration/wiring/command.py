@@ -153,7 +153,7 @@ def _written(
 ) -> Iterator[str]:
     """Write the page and the corrected maps; the files' names."""
     from calibration.wiring.faults import corrected, map_files
-    from calibration.wiring.page import write_page
+    from calibration.wiring.history import write_page
     from skinmap.io.output import staged_file
     from skinmap.io.taxels.taxel_table import write_csv
 

@@ -147,7 +147,7 @@ KINDS: dict[str, Callable[[str], dict[str, str]]] = {
     "classifiers": _described("skinmap.recognition.catalogue:classifiers"),
     "methods": _described("skinmap.flat.methods:flatteners"),
     "kinds": _kinds,
-    "gestures": _described("skinmap.touch.simulation.things:NAMES"),
+    "gestures": _described("skinmap.touch.simulation.hands:NAMES"),
     "sources": _described("skinmap.live.sources.open_source:sources"),
 }
 

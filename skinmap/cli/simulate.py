@@ -294,8 +294,8 @@ def work(
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.touch_files import check_suffix, save_recordings
     from skinmap.physics.simulation import simulate as press
+    from skinmap.touch.simulation.hands import gesture_set
     from skinmap.touch.simulation.simulator import simulate, simulate_pairs
-    from skinmap.touch.simulation.things import gesture_set
     from skinmap.touch.simulation.variety import draw_sensing
 
     check_suffix(output)
@@ -386,7 +386,7 @@ def publish_touches(
 
     from skinmap.live.publishing.publish import open_publisher, stream
     from skinmap.live.sources.simulated_source import SimulatedSource
-    from skinmap.touch.simulation.things import gesture_set
+    from skinmap.touch.simulation.hands import gesture_set
     from skinmap.touch.simulation.variety import draw_sensing
 
     loaded, names = open_robot(robot, parts)

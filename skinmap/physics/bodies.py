@@ -16,8 +16,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.physics.variants import Variant
-from skinmap.touch.simulation.hands import STIFF, Body, Draw
-from skinmap.touch.simulation.things import THINGS
+from skinmap.touch.simulation.hands import STIFF, THINGS, Body, Draw
 
 Point = tuple[float, float, float]
 PHALANGES = (44e-3, 26e-3, 18e-3)  # from the knuckle to the tip, of an index finger [m]

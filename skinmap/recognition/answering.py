@@ -38,7 +38,7 @@ from skinmap.touch.contacts.contact_shape import SIZE, contact_shape
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES, MOVES
 from skinmap.touch.contacts.skin_geometry import pool_event
 from skinmap.touch.simulation.gestures import TIME
-from skinmap.touch.simulation.things import HAND
+from skinmap.touch.simulation.hands import HAND
 
 if TYPE_CHECKING:
     from skinmap.recognition.classifier import Classifier

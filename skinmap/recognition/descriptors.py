@@ -23,11 +23,11 @@ from skinmap.touch.histograms.codebook import (
     COUNTS,
     WORDS,
     Codebook,
+    VoteCounter,
     codebook_arrays,
     codebook_from_arrays,
     learn_codebook,
 )
-from skinmap.touch.histograms.votes import VoteCounter
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
 

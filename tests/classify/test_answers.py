@@ -33,7 +33,7 @@ from skinmap.recognition.model_file import ANSWERS
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import save_recordings
 from skinmap.touch.simulation.gestures import FOUR
-from skinmap.touch.simulation.things import HAND, OTHER
+from skinmap.touch.simulation.hands import HAND, OTHER
 
 GROUPS = "hand=poke,whole_hand;other=ball"
 

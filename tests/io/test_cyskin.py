@@ -21,11 +21,12 @@ from skinmap.io.robots.manifest import data_folder
 from skinmap.io.taxels.cyskin import (
     ParentFrame,
     columns_of,
+    file_faults,
     has_channel,
     read_cyskin,
+    set_faults,
     write_cyskin,
 )
-from skinmap.io.taxels.cyskin_faults import file_faults, set_faults
 from skinmap.io.taxels.taxel_table import read_taxels
 from skinmap.skin.skin import skin_from_points
 from skinmap.skin.taxels import NO_ID

@@ -6,8 +6,7 @@ import pytest
 from skinmap.errors import InvalidArrayError, WrongTypeError
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import assign, find_structures
-from skinmap.touch.histograms.codebook import learn_codebook, patterns
-from skinmap.touch.histograms.votes import histograms
+from skinmap.touch.histograms.codebook import histograms, learn_codebook, patterns
 
 
 @pytest.fixture(scope="module")

@@ -10,9 +10,8 @@ import pytest
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.neighbours.structures import find_structures
-from skinmap.touch.histograms import votes as module
-from skinmap.touch.histograms.codebook import Codebook, learn_codebook
-from skinmap.touch.histograms.votes import VoteCounter, histograms
+from skinmap.touch.histograms import codebook as module
+from skinmap.touch.histograms.codebook import Codebook, VoteCounter, histograms, learn_codebook
 
 
 @pytest.fixture(scope="module")

@@ -126,7 +126,7 @@ def _with_gestures(source: str, gestures: tuple[str, ...]) -> str:
     """A simulated source of these gestures; any other source has none to choose."""
     if not gestures:
         return source
-    from skinmap.touch.simulation.things import gesture_set
+    from skinmap.touch.simulation.hands import gesture_set
 
     if source != "sim":
         raise click.UsageError(f"--gesture is of the simulated source sim, not of {source}")

@@ -153,7 +153,7 @@ def own_settings(kind: type[Own], protocol: str, words: Sequence[str]) -> Own:
 
 def chosen_gestures(settings: Settings) -> tuple[str, ...]:
     """Names of the gestures that were asked for."""
-    from skinmap.touch.simulation.things import gesture_set
+    from skinmap.touch.simulation.hands import gesture_set
 
     return gesture_set([settings.own.gestures])
 

@@ -13,8 +13,7 @@ from skinmap.arrays import FloatArray
 from skinmap.cli.inspect.inspect_result import DrawingMatch, PartRow, Spread
 from skinmap.errors import InvalidMeshError, check_known
 from skinmap.io.flat_maps.drawing import read_drawing
-from skinmap.io.taxels.cyskin import read_cyskin
-from skinmap.io.taxels.cyskin_faults import file_faults, set_faults
+from skinmap.io.taxels.cyskin import file_faults, read_cyskin, set_faults
 from skinmap.io.taxels.taxel_table import read_taxels
 from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
 from skinmap.skin.cover import FAR, SkinFit, Standing, judge_standing, measure_fit

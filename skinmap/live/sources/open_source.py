@@ -123,7 +123,7 @@ def resolve_robot(robot: Robot | str | Path | None) -> Robot | None:
 
 def _simulated(address: str, *, robot: Robot | None, seed: int, loop: bool, **wish: Any) -> Source:
     from skinmap.live.sources.simulated_source import SimulatedSource
-    from skinmap.touch.simulation.things import NAMES
+    from skinmap.touch.simulation.hands import NAMES
 
     words = [word for word in address.split(",") if word]
     raw = "raw" in words

@@ -25,6 +25,7 @@ from skinmap.live.sources.source import (
 )
 from skinmap.skin.robot import Robot
 from skinmap.touch.simulation.gestures import FOUR
+from skinmap.touch.simulation.hands import gesture_set
 from skinmap.touch.simulation.sensing import Sensing
 from skinmap.touch.simulation.simulator import (
     GAP,
@@ -35,7 +36,6 @@ from skinmap.touch.simulation.simulator import (
     place,
     prepare,
 )
-from skinmap.touch.simulation.things import gesture_set
 from skinmap.touch.simulation.variety import DEFAULT, Subject, draw_sensing, draw_subjects
 
 REST = 240  # what an iCub's taxel sends untouched; less is harder [counts]

@@ -16,8 +16,7 @@ from skinmap.neighbours.structures import Structures, find_structures
 from skinmap.recognition.protocols.folds import Names
 from skinmap.skin.skin import Skin
 from skinmap.touch.contacts.skin_geometry import ACTIVE
-from skinmap.touch.histograms.codebook import Codebook, learn_codebook
-from skinmap.touch.histograms.votes import VoteCounter
+from skinmap.touch.histograms.codebook import Codebook, VoteCounter, learn_codebook
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.gestures import ON_SKIN

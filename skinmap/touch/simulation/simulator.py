@@ -31,10 +31,9 @@ from skinmap.skin.skin import Skin, fingerprint
 from skinmap.touch.recording import Recording, TrueMotion
 from skinmap.touch.simulation.elastic_bed import bed_loads, contact_width
 from skinmap.touch.simulation.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, TIME, Pad
-from skinmap.touch.simulation.hands import Body, Draw, oblique, rolled
+from skinmap.touch.simulation.hands import BODIES, Body, Draw, gesture_set, oblique, rolled
 from skinmap.touch.simulation.moving_touches import Ground, bed_press, lay
 from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
-from skinmap.touch.simulation.things import BODIES, gesture_set
 from skinmap.touch.simulation.time_gestures import TIME_GESTURES, Timing
 from skinmap.touch.simulation.variety import (
     DEFAULT,

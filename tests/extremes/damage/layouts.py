@@ -31,11 +31,11 @@ from skinmap.io.robots.urdf import UrdfBody
 from skinmap.io.taxels.cyskin import (
     CySkin,
     TactileMap,
+    file_faults,
     read_cyskin,
     read_cyskin_taxels,
     write_cyskin,
 )
-from skinmap.io.taxels.cyskin_faults import file_faults
 from skinmap.io.taxels.icub import read_icub, write_icub
 from skinmap.io.taxels.skinware import read_skinware
 from skinmap.io.taxels.tactile_urdf import (

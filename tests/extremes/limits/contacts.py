@@ -12,8 +12,7 @@ from skinmap.live.contacts.sample_contacts import centre_of_pressure
 from skinmap.neighbours.structures import Structures, find_structures
 from skinmap.touch.contacts.contact_geometry import contact_geometry
 from skinmap.touch.contacts.skin_geometry import find_contacts
-from skinmap.touch.histograms.codebook import Codebook, learn_codebook
-from skinmap.touch.histograms.votes import histograms
+from skinmap.touch.histograms.codebook import Codebook, histograms, learn_codebook
 
 from .law import Law, Outside
 from .shapes import PITCH, lattice, prepared, press

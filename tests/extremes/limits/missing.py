@@ -15,8 +15,7 @@ from skinmap.neighbours.structures import assign, find_structures
 from skinmap.surface.surface_mesh import build_surface
 from skinmap.touch.contacts.contact_geometry import contact_geometry
 from skinmap.touch.contacts.skin_geometry import find_contacts
-from skinmap.touch.histograms.codebook import learn_codebook
-from skinmap.touch.histograms.votes import histograms
+from skinmap.touch.histograms.codebook import histograms, learn_codebook
 from skinmap.touch.prepared_skin import PreparedSkin
 
 from .law import Law, Outside
