@@ -44,16 +44,16 @@ def command(
     from skinmap.soundness.examination import examine_tracks
     from skinmap.soundness.track import placed, tracks
 
-    found = tracks(list(files))
+    found = list(tracks(list(files)))
     if robot is not None:
         known = named_robot(robot)
-        found = (one if one.places is not None else placed(one, known) for one in found)
+        found = [one if one.places is not None else placed(one, known) for one in found]
     result, surveys = examine_tracks(found)
     if mend is not None and len(surveys) > 1:
         raise click.UsageError(f"--mend takes one recording, not {len(surveys)}")
     written = []
     if mend is not None:
-        _mend(surveys[0].track, mend)
+        _mend(found[0], mend)
         written.append(mend)
     if out is not None:
         from skinmap.cli.examined_page import examined_page

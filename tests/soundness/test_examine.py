@@ -645,3 +645,26 @@ def test_a_clock_that_begins_anew_between_the_steps_is_a_restart(late):
     found = [one.kind for one in examine_track(Track("anew", values, times))[0].findings]
     assert "restart" in found
     assert "order" not in found
+
+
+def test_missing_values_and_spikes_have_their_rows_and_channels():
+    rng = np.random.default_rng(5)
+    felt = pokes(rng)
+    sound, strewn = felt + rng.normal(0.0, 0.01, felt.shape), rng.random(felt.shape) < 0.3
+    times = np.arange(len(sound)) / 50
+
+    def found(where, value):
+        values = sound.copy()
+        values[where] = value
+        return [
+            (one.kind, one.channels, one.rows)
+            for one in examine_track(Track("a.npz", values, times))[0].findings
+        ]
+
+    assert found(slice(0, 0), 0) == []
+    assert found(slice(1000, 2000), np.nan) == [("lost", None, [[1000, 1999]])]
+    assert found(slice(9, 10), np.inf) == [("lost", None, [[9, 9]])]
+    assert found((slice(1000, 2000), 7), np.nan) == [("stuck", [7], [[1000, 1999]])]
+    assert found(strewn, np.nan) == [("lost", list(range(sound.shape[1])), None)]
+    far, rows = 100 * sound.max(), [[700, 700], [903, 904], [4499, 4499]]
+    assert found(([700, 903, 904, 4499], [3, 40, 40, 9]), far) == [("noisy", [3, 9, 40], rows)]
