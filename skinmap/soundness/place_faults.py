@@ -19,6 +19,8 @@ FAR = 4.0  # of the usual spacing: another place
 AGREE, DISAGREE, ALIKE = 0.2, 0.05, 0.6  # correlations of channels that are touched together
 TWICE = 2  # episodes of a channel that may have been exchanged with another
 FITS = 0.8  # correlation of an exchanged channel with the neighbours of the other
+TOGETHER = 0.75  # correlation of the median channel with its neighbours, where they share loads
+CHANCE = 0.05  # of one pair among all
 GAIN = 0.2  # of correlation by which both channels of a pair fit better when exchanged
 TOUCHED = 6  # episodes of a channel that is judged
 LEAST, MOST = 4, 3000  # channels that sit elsewhere together; of a skin that is judged
@@ -59,12 +61,19 @@ def _exchanged(survey: Survey, rows: NDArray[np.int64], at: FloatArray) -> list[
         for part in (slice(None), slice(len(answers) // 2), slice(len(answers) // 2, None))
     )
     gain, *half_gains = (_gain(one) for one in (whole, *halves))
+    if np.median(np.diag(whole)) < TOGETHER:  # neighbours that share no load tell no places
+        return []
     fit = np.minimum(whole, whole.T)
     apart = cdist(at, at) > WIDE * pitch
-    gain[~(apart & (fit > FITS) & (np.minimum(*half_gains) > 0.0))] = 0.0
-    best = gain.argmax(axis=1)
+    fits = np.where(apart & (fit > FITS) & (np.minimum(*half_gains) > 0.0), gain, 0.0)
+    best = fits.argmax(axis=1)
     one = np.arange(len(rows))
-    mutual = (best[best] == one) & (one < best) & (gain[one, best] > GAIN)
+    mutual = (best[best] == one) & (one < best) & (fits[one, best] > GAIN)
+    # The best of all pairs gains by chance too: by how much, the tail of the others tells.
+    left = np.setdiff1d(one, [one[mutual], best[mutual]])
+    others = gain[np.ix_(left, left)][apart[np.ix_(left, left)]]
+    low, high = np.percentile(others, (99.0, 99.9)) if len(others) else (0.0, 0.0)
+    mutual &= fits[one, best] > low + (high - low) * (np.log10(apart.size / CHANCE) - 2.0)
     pairs = [(int(rows[a]), int(rows[best[a]])) for a in np.flatnonzero(mutual)]
     return [
         finding("wiring", f"Channels {a} and {b} are exchanged: each answers as the other's "

@@ -668,3 +668,15 @@ def test_missing_values_and_spikes_have_their_rows_and_channels():
     assert found(strewn, np.nan) == [("lost", list(range(sound.shape[1])), None)]
     far, rows = 100 * sound.max(), [[700, 700], [903, 904], [4499, 4499]]
     assert found(([700, 903, 904, 4499], [3, 40, 40, 9]), far) == [("noisy", [3, 9, 40], rows)]
+
+
+def test_grasps_that_load_neighbours_apart_exchange_no_channels():
+    rng = np.random.default_rng(2)
+    at = np.column_stack([np.indices((20, 16)).reshape(2, -1).T * 5e-3, np.zeros(320)])
+    values = rng.normal(0.0, 1.0, (6000, 320))
+    for begin in range(50, 5700, 400):
+        loads = rng.uniform(0.1, 0.9, 320) * (rng.random(320) < 0.8)
+        loads[: int(rng.choice([0, 100, 220]))] = 0.0
+        values[begin : begin + 90] += 180.0 * np.hanning(90)[:, None] ** 0.3 * loads
+    own = examine_track(Track("glove", values, np.arange(6000) / 50, places=at))[0].findings
+    assert [one for one in own if one.kind == "wiring"] == []
