@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from skinmap.commands.options import PATH, Written, file_option, named_robot, out_folder, prints
+from skinmap.errors import OutputError
 from skinmap.io.output import staged_file, staged_folder
 from skinmap.report.present import PAGE, emit, show
 from skinmap.report.result import REFUSED_CODE, significant
@@ -42,8 +43,11 @@ def command(
     Example:  skinmap examine touches.npz --json
     """
     from skinmap.soundness.examination import examine_tracks
-    from skinmap.soundness.track import placed, tracks
+    from skinmap.soundness.track import files_of, placed, tracks
 
+    given = (one for path in files for one in files_of(path))
+    if mend is not None and mend.exists() and any(mend.samefile(one) for one in given):
+        raise OutputError(f"cannot write {str(mend)!r}: it is one of those that are read")
     found = list(tracks(list(files)))
     if robot is not None:
         known = named_robot(robot)

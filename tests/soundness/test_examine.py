@@ -243,6 +243,11 @@ def test_mending_writes_over_nothing_and_takes_one_recording(tmp_path):
     assert code == 2
     assert "is there already" in text
     assert (tmp_path / "a.npz").read_bytes() == before
+    for given in (tmp_path, tmp_path / "a.npz"):
+        code, text = run(given, "--mend", tmp_path / "a.npz", "--force")
+        assert code == 2
+        assert "one of those that are read" in text
+    assert (tmp_path / "a.npz").read_bytes() == before
     np.savez(tmp_path / "c.npz", **faulty())
     code, text = run(tmp_path / "a.npz", tmp_path / "c.npz", "--mend", tmp_path / "b.npz")
     assert code == 2
