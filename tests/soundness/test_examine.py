@@ -189,7 +189,10 @@ BAD = {
     "nanoseconds": {"samples": noise(), "times": np.arange(1000) * 20_000_000},
     "reference only": {"pressure_bar": np.arange(50.0)},
     "no arrays": {"head": np.array(3)},
-}
+    "unlabelled events": {"samples": noise(), "events": np.full(1000, 7), "labels": ["a", "b"]},
+    "sessions": {"samples": noise(), "events": np.zeros(1000, int), "labels": ["a"],
+                 "sessions": ["x", "y"]},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -199,6 +202,9 @@ def test_a_bad_file_is_named_in_one_line_or_a_finding(name, tmp_path):
     assert code in (2, 3)
     assert "bad.npz" in text
     assert code == 3 or "\n" not in text.strip()
+    if "labels" in BAD[name]:
+        assert "label" in text
+        assert code == 2
 
 
 def test_two_recordings_with_different_channels_are_named(tmp_path):
