@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from skinmap.arrays import FloatArray
-from skinmap.soundness.finding import Finding, finding, named, subject
+from skinmap.soundness.finding import Finding, finding, named, spans_of, subject
 from skinmap.soundness.survey import Survey
 
 BESIDE = 8  # channels that are a channel's neighbours, at most
@@ -75,11 +75,23 @@ def _exchanged(survey: Survey, rows: NDArray[np.int64], at: FloatArray) -> list[
     low, high = np.percentile(others, (99.0, 99.9)) if len(others) else (0.0, 0.0)
     mutual &= fits[one, best] > low + (high - low) * (np.log10(apart.size / CHANCE) - 2.0)
     pairs = [(int(rows[a]), int(rows[best[a]])) for a in np.flatnonzero(mutual)]
-    return [
-        finding("wiring", f"Channels {a} and {b} are exchanged: each answers as the other's "
-                "neighbours do.", channels=[a, b], confidence=0.9)
-        for a, b in pairs
-    ]  # fmt: skip
+    return _boards(pairs)
+
+
+def _boards(pairs: list[tuple[int, int]]) -> list[Finding]:
+    """Exchanged pairs; those of one offset that follow each other are two boards."""
+    found = []
+    for offset in sorted({b - a for a, b in pairs}):
+        for first, last in spans_of(sorted(a for a, b in pairs if b - a == offset), min(offset, 2)):
+            ends = [(first, last), (first + offset, last + offset)]
+            one, other = (f"{a} to {b}" if b > a else f"{a}" for a, b in ends)
+            answers = "each answers as the other's neighbours do"
+            if last > first:
+                answers = "they answer as the neighbours of those do"
+            text = f"Channels {one} and {other} are exchanged: {answers}."
+            channels = [channel for a, b in ends for channel in range(a, b + 1)]
+            found.append(finding("wiring", text, channels=channels, confidence=0.9))
+    return found
 
 
 def _gain(likeness: FloatArray) -> FloatArray:

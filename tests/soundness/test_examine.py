@@ -691,3 +691,17 @@ def test_grasps_that_load_neighbours_apart_exchange_no_channels():
         values[begin : begin + 90] += 180.0 * np.hanning(90)[:, None] ** 0.3 * loads
     own = examine_track(Track("glove", values, np.arange(6000) / 50, places=at))[0].findings
     assert [one for one in own if one.kind == "wiring"] == []
+
+
+def test_two_exchanged_boards_are_one_finding():
+    rng = np.random.default_rng(4)
+    felt = pokes(rng, rows=9000)
+    values = felt + rng.normal(0.0, 0.005, felt.shape)
+    boards = [*range(12, 19)], [*range(62, 69)]
+    values[:, boards[0] + boards[1]] = values[:, boards[1] + boards[0]]
+    at = np.column_stack([np.indices((10, 10)).reshape(2, -1).T * 5e-3, np.zeros(100)])
+    own = examine_track(Track("boards", values, np.arange(9000) / 50, places=at))[0].findings
+    (found,) = [one for one in own if one.kind == "wiring"]
+    assert set(found.channels) <= set(boards[0] + boards[1])
+    assert len(found.channels) >= 8
+    assert " to " in found.text
