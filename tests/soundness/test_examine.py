@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -266,8 +267,10 @@ def test_the_page_holds_a_picture_for_each_question(tmp_path):
     values[:, 3] = 0
     own = np.interp(np.arange(2500) + 90.0, np.arange(3000), load)
     np.savez(tmp_path / "a.npz", samples=values, times=np.arange(3000) / 50, pressure_bar=own)
-    run(tmp_path / "a.npz", "-o", tmp_path / "page")
+    _, printed = run(tmp_path / "a.npz", "-o", tmp_path / "page")
     text = (tmp_path / "page" / "report.html").read_text()
+    for one in (printed, text):
+        assert re.search(r"skin row = 90\.\d \+ 1\.000\d+ x reference row \(residual \d", one)
     assert text.count("<img") == 3
     assert "never answers" in text
 
