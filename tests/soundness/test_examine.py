@@ -288,6 +288,15 @@ def test_training_is_warned_of_one_recording_under_two_names(tmp_path):
     assert alone.unsound == ()
 
 
+def test_a_folder_is_examined_in_python_as_by_the_command(tmp_path):
+    for name in ("a", "b"):
+        np.savez(tmp_path / f"{name}.npz", **faulty())
+    found = json.loads(run(tmp_path, "--json")[1])
+    own = skinmap.examine(tmp_path)
+    assert own[0].kind == "repeated_recording"
+    assert len(own) == len(found["findings"]) + sum(len(one["findings"]) for one in found["files"])
+
+
 def test_a_folder_without_recordings_is_refused(tmp_path):
     with pytest.raises(DataFormatError, match="a folder without recordings"):
         skinmap.soundness.track.files_of(tmp_path)
