@@ -277,7 +277,7 @@ def _check_words(
         )
     for name, own in words.items():
         if labels and own and len(own) != len(labels):
-            raise DataFormatError(f"{len(own)} {name} for {len(labels)} labels", path)
+            raise DataFormatError(f"`{name}` has {len(own)}, `labels` {len(labels)}", path)
 
 
 def _marks(found: NDArray[Any] | None, path: Path) -> tuple[dict[str, Any], ...]:
