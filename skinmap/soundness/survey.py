@@ -23,6 +23,7 @@ BOTH, AXES = 0.3, 0.3  # of the larger swing, and of the channels that swing so:
 AT_REST = 0.35  # share of its cells near its median
 SPIKE = 3.0  # times as far as all else: a single value there is no load
 ALONE = 0.8  # of its reach by which a spike differs from the rows beside it
+GRADED = 0.15  # of it: what moves others by more, and by less than itself, is a tap
 NOISES, STEPS = 50.0, 20.0  # that a recording reaches at least: single rows may be its only loads
 PASSES = 6  # in which spikes are taken out, the farthest of each cell at a time
 
@@ -343,8 +344,12 @@ def _spikes(survey: Survey) -> IntArray:
     beside = np.clip(beside, 0, survey.count - 1)
     steps = np.abs(values[beside, channels].astype(np.float64) - values[row, channels])
     alone = steps.max(axis=1).min(axis=0) > ALONE * size
+    alone &= np.maximum(steps[0, 1], steps[1, 0]) > ALONE * size  # of three rows the middle one
     lasting = reach[cells[~alone], channels[~alone]].max(initial=usual)
     kept = alone & (size > SPIKE * lasting)
+    for at in np.flatnonzero(kept):  # a tap moves those around it too, by less
+        near = np.abs(values[row[at]].astype(np.float64) - values[beside[0, 0, at]]) / size[at]
+        kept[at] = np.count_nonzero((near > GRADED) & (near < ALONE)) < 2
     return np.unique(np.column_stack([row, channels])[kept], axis=0)
 
 

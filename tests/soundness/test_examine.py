@@ -717,3 +717,14 @@ def test_two_exchanged_boards_are_one_finding():
     assert set(found.channels) <= set(boards[0] + boards[1])
     assert len(found.channels) >= 8
     assert " to " in found.text
+
+
+def test_taps_of_one_row_are_no_spikes():
+    rng = np.random.default_rng(1)
+    at = np.indices((10, 10)).reshape(2, -1).T
+    values = rng.normal(20.0, 1.2, (2000, 100))
+    for row in range(20, 1980, 30):
+        away = ((at - rng.uniform(0, 9, 2)) ** 2).sum(axis=1)
+        values[row] += rng.uniform(60, 200) * np.exp(-away / 3.0)
+    own = examine_track(Track("a", np.rint(values), np.arange(2000) / 20))[0].findings
+    assert not any("spikes" in one.text for one in own)
