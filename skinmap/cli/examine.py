@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from skinmap.commands.options import PATH, Written, file_option, named_robot, out_folder, prints
+from skinmap.errors import OutputError
 from skinmap.io.output import staged_file, staged_folder
 from skinmap.report.present import PAGE, emit, show
 from skinmap.report.result import REFUSED_CODE, significant
@@ -42,18 +43,21 @@ def command(
     Example:  skinmap examine touches.npz --json
     """
     from skinmap.soundness.examination import examine_tracks
-    from skinmap.soundness.track import placed, tracks
+    from skinmap.soundness.track import files_of, placed, tracks
 
-    found = tracks(list(files))
+    given = (one for path in files for one in files_of(path))
+    if mend is not None and mend.exists() and any(mend.samefile(one) for one in given):
+        raise OutputError(f"cannot write {str(mend)!r}: it is one of those that are read")
+    found = list(tracks(list(files)))
     if robot is not None:
         known = named_robot(robot)
-        found = (one if one.places is not None else placed(one, known) for one in found)
+        found = [one if one.places is not None else placed(one, known) for one in found]
     result, surveys = examine_tracks(found)
     if mend is not None and len(surveys) > 1:
         raise click.UsageError(f"--mend takes one recording, not {len(surveys)}")
     written = []
     if mend is not None:
-        _mend(surveys[0].track, mend)
+        _mend(found[0], mend)
         written.append(mend)
     if out is not None:
         from skinmap.cli.examined_page import examined_page

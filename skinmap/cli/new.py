@@ -136,7 +136,9 @@ def work(
     force: bool,
 ) -> NewResult | NewQuestions:
     """Read the files, find units and links, ask where a terminal is there, and write."""
-    from skinmap.errors import check_known
+    import warnings
+
+    from skinmap.errors import SkinWarning, check_known
     from skinmap.io.robots.mesh_file import MESH_SUFFIXES
     from skinmap.io.robots.new_manifest import (
         NewPart,
@@ -181,11 +183,17 @@ def work(
         NewPart(one.part, file, one.units, one.link)
         for one, file in zip(chosen, tables, strict=True)
     ]
+    before = _parts_in(output)
+    files = write_manifest(output, body, scale, parts, force=force)
+    if not {one.name for one in parts}.issuperset(before):
+        count = f"{len(before)} part{'s'[: len(before) > 1]}"
+        text = f"replaced {output} ({count} before: {', '.join(before)})"
+        warnings.warn(text, SkinWarning, stacklevel=2)
     return NewResult(
         robot=robot.name,
         parts=chosen,
         taxels={part: len(table) for part, table in read.items()},
-        files=write_manifest(output, body, scale, parts, force=force),
+        files=files,
     )
 
 
@@ -276,6 +284,17 @@ def _warn(chosen: Candidate, table: TaxelTable, robot: Robot, stated: str | None
             SkinWarning,
             stacklevel=2,
         )
+
+
+def _parts_in(output: Path) -> list[str]:
+    """Names of the parts of a manifest that is there."""
+    import tomllib
+
+    try:
+        held = tomllib.loads(output.read_text(encoding="utf-8"))["part"]
+        return [str(one["name"]) for one in held]
+    except (OSError, ValueError, LookupError, TypeError):
+        return []  # none, or no manifest
 
 
 def _standing(one: Candidate) -> str:

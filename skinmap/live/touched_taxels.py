@@ -26,6 +26,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 BRIDGE = 0.1  # a taxel that is not touched for longer is touched anew [s], as contacts are
 LEARN = 10.0  # as long as it may take to know that a taxel is stuck [s]
 LONGEST = 0.2  # that a sample stands for: what comes later comes after a gap [s]
+SINCE_EPOCH = 1e8  # from which a time is one of day and not that of a sensor's own clock [s]
 LEAST = 2  # samples of a touch: one alone is a spike
 SUFFIXES = (".mcap", ".npz", ".xdf", ".log", ".db3")
 COLUMNS = "part,channel,count,dwell_s,largest,last_s,recording"
@@ -63,12 +64,17 @@ class TouchedPart:
             np.zeros(n, np.int64), np.zeros(n), np.zeros(n), unseen, np.full(n, -1, np.int64)
         )
 
-    def add(self, other: TouchedPart, rows: slice) -> None:
-        """Add what some rows (n) of a later recording went through."""
+    def add(self, other: TouchedPart, rows: slice, begins: Sequence[float]) -> None:
+        """Add what some rows (n) of the last recording went through.
+
+        It is the later one unless both begin (`begins` [s]) at a time of day.
+        """
         self.count += other.count[rows]
         self.dwell += other.dwell[rows]
         self.largest = np.maximum(self.largest, other.largest[rows])
-        seen = other.count[rows] > 0
+        before = np.asarray(begins)[self.recording]
+        known = (self.recording >= 0) & (before > SINCE_EPOCH) & (begins[-1] > SINCE_EPOCH)
+        seen = (other.count[rows] > 0) & ~(known & (before > begins[-1]))
         self.last[seen] = other.last[rows][seen]
         self.recording[seen] = other.recording[rows][seen]
 
@@ -84,6 +90,8 @@ class Touched:
         Those that a recording has.
     recordings : list of str
         Names of what was added.
+    begins : list of float
+        Time of the first sample of each [s].
     seconds : float
         That were watched.
     """
@@ -91,6 +99,7 @@ class Touched:
     skins: Mapping[str, PreparedSkin]
     parts: dict[str, TouchedPart] = field(default_factory=dict)
     recordings: list[str] = field(default_factory=list)
+    begins: list[float] = field(default_factory=list)
     seconds: float = 0.0
 
     def add(self, loop: TouchLoop, name: str) -> None:
@@ -132,10 +141,11 @@ class Touched:
         end(np.flatnonzero(run[0]))
         found.recording[found.count > 0] = len(self.recordings)
         self.recordings.append(name)
+        self.begins.append(first)
         ends = np.cumsum(sizes).tolist()
         for part, size, end_of in zip(loop.skins, sizes, ends, strict=True):
             mine = self.parts.setdefault(part, TouchedPart.of(size))
-            mine.add(found, slice(end_of - size, end_of))
+            mine.add(found, slice(end_of - size, end_of), self.begins)
 
     def csv(self) -> str:
         """A line for each taxel of each part, see `COLUMNS`."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.soundness.finding import Finding, Kind, finding, spans_of, subject
+from skinmap.soundness.finding import Finding, Kind, finding, named, spans_of, subject
 from skinmap.soundness.survey import SIGMA_OF_SECOND, Survey
 
 CUT, FAR = 0.89, 1.5  # confidence in one at the least value of a type, up to so many times as many
@@ -30,13 +30,26 @@ COPY = 0.97  # correlation of noise
 MOST_PAIRS = 4_000  # channels whose pairs are compared by correlation
 PAIR_ROWS = 4e9  # rows times channels squared
 ALIKE = 0.98  # correlation of two courses that are one, by some factor
+LASTS, RUNS = 20, 20  # rows without a number that are a stop, in so many stretches at most
+MUCH, MOST = 0.01, 0.5  # shares of missing values: that matter, and that leave nothing to judge
 
 
 def channel_faults(survey: Survey) -> tuple[list[Finding], NDArray[np.bool_]]:
     """Findings, and the channels (n,) that no later question should be asked of."""
     bad = np.zeros(survey.width, bool)
     found: list[Finding] = []
-    for look in (_ids, _constant, _coarse, _thermal, _clipped, _stuck, _copied, _noisy, _sign):
+    for look in (
+        _ids,
+        _missing,
+        _constant,
+        _coarse,
+        _thermal,
+        _clipped,
+        _stuck,
+        _copied,
+        _noisy,
+        _sign,
+    ):
         found += look(survey, bad)
     return found, bad
 
@@ -52,6 +65,53 @@ def _ids(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     numbers = ", ".join(str(one) for one in kinds[counts > 1][:5])
     text = f"{len(twice)} channels share an id with another (id {numbers}): which is which?"
     return [finding("repeated_id", text, channels=twice)]
+
+
+def _missing(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Rows and stretches without a number, the share of those that are strewn, and spikes."""
+    found = [] if survey.gone is None else _strewn(survey, survey.gone & ~survey.constant, bad)
+    if len(survey.spikes):
+        channels = np.unique(survey.spikes[:, 1])
+        text = (
+            f"{len(survey.spikes)} single value{'s'[: len(survey.spikes) > 1]} of "
+            f"{named(channels)} lie far outside the span of all others: spikes."
+        )
+        rows = spans_of(np.unique(survey.spikes[:, 0]))
+        found.append(finding("noisy", text, channels=channels, rows=rows,
+                             times=survey.track.times, confidence=0.95))  # fmt: skip
+    return found
+
+
+def _strewn(survey: Survey, gone: NDArray[np.bool_], bad: NDArray[np.bool_]) -> list[Finding]:
+    """Rows, stretches of channels and single values that hold no number (t, n)."""
+    times, found = survey.track.times, []
+    rows = np.flatnonzero((gone | survey.constant).all(axis=1) & gone.any(axis=1))
+    if len(rows):
+        text = f"{'A row holds' if len(rows) == 1 else f'{len(rows)} rows hold'} no number at all."
+        spans, harm = spans_of(rows), 0.6 if len(rows) > 1 else 0.4
+        found.append(finding("lost", text, rows=spans, times=times, harm=harm))
+        gone[rows] = False
+    stops: dict[tuple[int, int], list[int]] = {}
+    for channel in np.flatnonzero(gone.any(axis=0)).tolist():
+        long = [(a, b) for a, b in spans_of(np.flatnonzero(gone[:, channel])) if b - a >= LASTS]
+        for a, b in long if len(long) <= RUNS else []:
+            stops.setdefault((a, b), []).append(channel)
+            gone[a : b + 1, channel] = False
+    whole = [
+        replace(one, text=subject(one.channels or [], "holds", "hold") + " no number for a while.")
+        for (a, b), own in stops.items()
+        for one in _in_modules(survey, np.array(own), [[a, b]], "stuck", 0.99)
+    ]
+    found += _summed(_joined(whole))
+    share = gone.mean(axis=0)
+    bad |= survey.missing > MOST * survey.count
+    for which, harm in ((share >= MUCH, 0.6), ((share > 0) & (share < MUCH), 0.2)):
+        channels = np.flatnonzero(which)
+        if len(channels):
+            text = f"{share[channels].mean():.1%} of the values of {named(channels)} are missing."
+            found.append(finding("lost", text, channels=channels, harm=harm,
+                                 do="leave these values out, do not read them as 0"))  # fmt: skip
+    return found
 
 
 def neighbours(survey: Survey, channel: int, reach: int = 4) -> IntArray:

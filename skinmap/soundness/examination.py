@@ -19,7 +19,7 @@ from skinmap.soundness.rest_faults import rest_faults, session_offsets
 from skinmap.soundness.set_faults import set_faults, together
 from skinmap.soundness.survey import Survey, survey
 from skinmap.soundness.time_faults import clock_faults, time_faults
-from skinmap.soundness.track import Track, check_track, tables_in, tracks_of
+from skinmap.soundness.track import Track, check_track, tracks, tracks_of
 
 if TYPE_CHECKING:
     from skinmap.touch.recording import Recording
@@ -59,7 +59,8 @@ def examine(recording: Recording | list[Recording] | str | Path) -> list[Finding
     Parameters
     ----------
     recording : Recording, list of Recording, or path
-        One recording, the parts of one, or a file of any format that `skinmap examine` reads.
+        One recording, the parts of one, or a file of any format that `skinmap examine` reads, or
+        a folder of some: findings of several together are among them.
 
     Returns
     -------
@@ -81,10 +82,11 @@ def examine(recording: Recording | list[Recording] | str | Path) -> list[Finding
     [('dead', [3])]
     """
     if isinstance(recording, str | Path):
-        found = tables_in(Path(recording))
+        found = tracks([Path(recording)])
     else:
-        found = [check_track(one) for one in tracks_of(recording)]
-    return in_order(one for track in found for one in examine_track(track)[0].findings)
+        found = (check_track(one) for one in tracks_of(recording))
+    result = examine_tracks(found)[0]
+    return in_order([*result.findings, *(one for file in result.files for one in file.findings)])
 
 
 def examine_track(track: Track) -> tuple[ExaminedFile, Survey]:

@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import cdist
 
 from skinmap.arrays import FloatArray
-from skinmap.soundness.finding import Finding, finding, named, subject
+from skinmap.soundness.finding import Finding, finding, named, spans_of, subject
 from skinmap.soundness.survey import Survey
 
 BESIDE = 8  # channels that are a channel's neighbours, at most
@@ -19,6 +19,8 @@ FAR = 4.0  # of the usual spacing: another place
 AGREE, DISAGREE, ALIKE = 0.2, 0.05, 0.6  # correlations of channels that are touched together
 TWICE = 2  # episodes of a channel that may have been exchanged with another
 FITS = 0.8  # correlation of an exchanged channel with the neighbours of the other
+TOGETHER = 0.75  # correlation of the median channel with its neighbours, where they share loads
+CHANCE = 0.05  # of one pair among all
 GAIN = 0.2  # of correlation by which both channels of a pair fit better when exchanged
 TOUCHED = 6  # episodes of a channel that is judged
 LEAST, MOST = 4, 3000  # channels that sit elsewhere together; of a skin that is judged
@@ -59,18 +61,37 @@ def _exchanged(survey: Survey, rows: NDArray[np.int64], at: FloatArray) -> list[
         for part in (slice(None), slice(len(answers) // 2), slice(len(answers) // 2, None))
     )
     gain, *half_gains = (_gain(one) for one in (whole, *halves))
+    if np.median(np.diag(whole)) < TOGETHER:  # neighbours that share no load tell no places
+        return []
     fit = np.minimum(whole, whole.T)
     apart = cdist(at, at) > WIDE * pitch
-    gain[~(apart & (fit > FITS) & (np.minimum(*half_gains) > 0.0))] = 0.0
-    best = gain.argmax(axis=1)
+    fits = np.where(apart & (fit > FITS) & (np.minimum(*half_gains) > 0.0), gain, 0.0)
+    best = fits.argmax(axis=1)
     one = np.arange(len(rows))
-    mutual = (best[best] == one) & (one < best) & (gain[one, best] > GAIN)
+    mutual = (best[best] == one) & (one < best) & (fits[one, best] > GAIN)
+    # The best of all pairs gains by chance too: by how much, the tail of the others tells.
+    left = np.setdiff1d(one, [one[mutual], best[mutual]])
+    others = gain[np.ix_(left, left)][apart[np.ix_(left, left)]]
+    low, high = np.percentile(others, (99.0, 99.9)) if len(others) else (0.0, 0.0)
+    mutual &= fits[one, best] > low + (high - low) * (np.log10(apart.size / CHANCE) - 2.0)
     pairs = [(int(rows[a]), int(rows[best[a]])) for a in np.flatnonzero(mutual)]
-    return [
-        finding("wiring", f"Channels {a} and {b} are exchanged: each answers as the other's "
-                "neighbours do.", channels=[a, b], confidence=0.9)
-        for a, b in pairs
-    ]  # fmt: skip
+    return _boards(pairs)
+
+
+def _boards(pairs: list[tuple[int, int]]) -> list[Finding]:
+    """Exchanged pairs; those of one offset that follow each other are two boards."""
+    found = []
+    for offset in sorted({b - a for a, b in pairs}):
+        for first, last in spans_of(sorted(a for a, b in pairs if b - a == offset), min(offset, 2)):
+            ends = [(first, last), (first + offset, last + offset)]
+            one, other = (f"{a} to {b}" if b > a else f"{a}" for a, b in ends)
+            answers = "each answers as the other's neighbours do"
+            if last > first:
+                answers = "they answer as the neighbours of those do"
+            text = f"Channels {one} and {other} are exchanged: {answers}."
+            channels = [channel for a, b in ends for channel in range(a, b + 1)]
+            found.append(finding("wiring", text, channels=channels, confidence=0.9))
+    return found
 
 
 def _gain(likeness: FloatArray) -> FloatArray:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,6 +21,11 @@ SIGMA_OF_SECOND = 0.5117  # of normal noise, per mean absolute second difference
 TOUCHED = 6.0  # deviations of its noise from which a channel counts as touched
 BOTH, AXES = 0.3, 0.3  # of the larger swing, and of the channels that swing so: axes of a force
 AT_REST = 0.35  # share of its cells near its median
+SPIKE = 3.0  # times as far as all else: a single value there is no load
+ALONE = 0.8  # of its reach by which a spike differs from the rows beside it
+GRADED = 0.15  # of it: what moves others by more, and by less than itself, is a tap
+NOISES, STEPS = 50.0, 20.0  # that a recording reaches at least: single rows may be its only loads
+PASSES = 6  # in which spikes are taken out, the farthest of each cell at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,8 +43,10 @@ class Survey:
         Share of the steps in each cell at which a channel changed.
     mean, low, high, rough : (k, n) float32
         Of each cell: mean, extremes, and mean absolute second difference.
-    missing : (n,) int
-        Values that are not finite.
+    gone : (t, n) bool or None
+        Values that are not finite: each counts as the last one before it.
+    spikes : (m, 2) int
+        Row and channel of single values far outside the span, which count as gone.
     """
 
     track: Track
@@ -50,7 +57,13 @@ class Survey:
     low: NDArray[np.float32]
     high: NDArray[np.float32]
     rough: NDArray[np.float32]
-    missing: IntArray
+    gone: NDArray[np.bool_] | None
+    spikes: IntArray
+
+    @cached_property
+    def missing(self) -> IntArray:
+        """(n,) Values of each channel that are not finite."""
+        return np.zeros(self.width, int) if self.gone is None else np.sum(self.gone, axis=0)
 
     @property
     def width(self) -> int:
@@ -282,7 +295,66 @@ class Survey:
 
 
 def survey(track: Track) -> Survey:
-    """Look once at every sample of a recording."""
+    """Look once at every sample of a recording; again where spikes have to be taken out."""
+    values = track.values
+    gone = None
+    if values.dtype.kind == "f" and not all(
+        np.isfinite(values[start : start + 4096]).all() for start in range(0, len(values), 4096)
+    ):
+        gone = ~np.isfinite(values)
+        track = replace(track, values=_held_over(values, gone))
+    found = _looked(track, gone, np.zeros((0, 2), np.int64))
+    for _ in range(PASSES):
+        spikes = _spikes(found)
+        if len(spikes) == 0:
+            break
+        out = np.zeros(values.shape, bool)
+        out[tuple(spikes.T)] = True
+        track = replace(track, values=_held_over(track.values, out))
+        found = _looked(track, gone, np.concatenate([found.spikes, spikes]))
+    return found
+
+
+def _held_over(values: NDArray[Any], gone: NDArray[np.bool_]) -> NDArray[Any]:
+    """Values (t, n) with the last one before each that is gone, at the begin the first one."""
+    found = values.copy()
+    for channel in np.flatnonzero(gone.any(axis=0)):
+        known = np.flatnonzero(~gone[:, channel])
+        at = np.maximum(np.searchsorted(known, np.arange(len(values)), side="right") - 1, 0)
+        found[:, channel] = values[known[at], channel] if len(known) else 0
+    return found
+
+
+def _spikes(survey: Survey) -> IntArray:
+    """Rows and channels (m, 2) of one or two values far beyond all that lasts for longer."""
+    middle = np.median(survey.mean, axis=0)
+    reach = np.maximum(survey.high - middle, middle - survey.low)
+    usual = np.maximum(np.percentile(reach, 99.0), NOISES * survey.usual_noise)
+    cells, channels = np.nonzero(reach > SPIKE * max(usual, STEPS * survey.quantum))
+    if len(cells) == 0:
+        return np.zeros((0, 2), np.int64)
+    # The rows behind the last whole cell belong to it.
+    rows = cells[:, None] * survey.cell + np.arange(2 * survey.cell)
+    rows = np.minimum(rows, survey.count - 1)
+    values, one = survey.track.values, np.arange(len(cells))
+    away = np.abs(values[rows, channels[:, None]] - middle[channels, None])
+    row, size = rows[one, away.argmax(axis=1)], away.max(axis=1)
+    beside = row + np.array([[[-2], [-1]], [[1], [2]]])  # two before it, two behind it
+    beside = np.where((beside < 0) | (beside >= survey.count), 2 * row - beside, beside)
+    beside = np.clip(beside, 0, survey.count - 1)
+    steps = np.abs(values[beside, channels].astype(np.float64) - values[row, channels])
+    alone = steps.max(axis=1).min(axis=0) > ALONE * size
+    alone &= np.maximum(steps[0, 1], steps[1, 0]) > ALONE * size  # of three rows the middle one
+    lasting = reach[cells[~alone], channels[~alone]].max(initial=usual)
+    kept = alone & (size > SPIKE * lasting)
+    for at in np.flatnonzero(kept):  # a tap moves those around it too, by less
+        near = np.abs(values[row[at]].astype(np.float64) - values[beside[0, 0, at]]) / size[at]
+        kept[at] = np.count_nonzero((near > GRADED) & (near < ALONE)) < 2
+    return np.unique(np.column_stack([row, channels])[kept], axis=0)
+
+
+def _looked(track: Track, gone: NDArray[np.bool_] | None, spikes: IntArray) -> Survey:
+    """Figures of all cells, block by block."""
     values = track.values
     count, width = values.shape
     cell = int(np.clip(count // MOST_CELLS, 4, LONGEST_CELL))
@@ -292,28 +364,25 @@ def survey(track: Track) -> Survey:
         name: np.zeros((cells, width), np.float32)
         for name in ("changes", "mean", "low", "high", "rough")
     }
-    changed, missing = np.empty(count, np.int64), np.zeros(width, np.int64)
+    changed = np.empty(count, np.int64)
     changed[0] = width
     several = max(BLOCK // max(cell * width, 1), 1)
     for first in range(0, cells, several):
         last = min(first + several, cells)
         end = count if last == cells else last * cell
         start = first * cell
-        block = values[start:end]
-        if block.dtype.kind == "f":
-            gone = ~np.isfinite(block)
-            if gone.any():
-                missing += gone.sum(axis=0)
-                block = np.where(gone, 0.0, block)
         begin = max(start - 1, 0)
-        before = values[begin:start]
-        own = np.nan_to_num(np.concatenate([before, block]), posinf=0.0, neginf=0.0)
+        own = values[begin:end]
         moved = own[1:] != own[:-1]
         changed[begin + 1 : end] = np.count_nonzero(moved, axis=1)
         if start == 0:
             moved = np.concatenate([moved[:1], moved])
-        _cells(block, moved, cell, {name: one[first:last] for name, one in parts.items()})
-    return Survey(track, cell, changed, missing=missing, **parts)
+        if gone is not None:
+            moved |= gone[start:end]  # no number is another than any other
+        _cells(values[start:end], moved, cell, {x: one[first:last] for x, one in parts.items()})
+    if gone is not None:
+        changed[gone.all(axis=1)] = width
+    return Survey(track, cell, changed, gone=gone, spikes=spikes, **parts)
 
 
 def _cells(

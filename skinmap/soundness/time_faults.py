@@ -429,8 +429,9 @@ def clock_faults(survey: Survey, step: float) -> list[Finding]:
     breaks = [one.first_row for one in lines[1:]]
     more = f"; rows are lost near reference rows {', '.join(map(str, breaks))}" if breaks else ""
     text = (
-        f"The reference runs on another clock: it lags the skin by {ends[0]:.0f} rows at its begin "
-        f"and {ends[1]:.0f} at its end{more}."
+        f"The reference runs on another clock: skin row = {offset:.1f} + {1.0 + slope:.5f} x "
+        f"reference row (residual {first.residual_rows:.1f} rows). It lags the skin by "
+        f"{ends[0]:.0f} rows at its begin and {ends[1]:.0f} at its end{more}."
     )
     return [
         finding(

@@ -229,8 +229,15 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
     events = _whole(_first(held, EVENTS), "events", count, path)
     events = stretches if events is None else events
     labels = _words(held.get("labels", held.get("file_class")))
+    words = {name: _words(held.get(name)) for name in ("sessions", "people")}
     if events is None and len(labels) == count:  # a label of each row
         events, labels = _runs(labels)
+        begins = np.flatnonzero((events >= 0) & (np.diff(events, prepend=-1) != 0))
+        words = {
+            name: tuple(own[row] for row in begins) if len(own) == count else own
+            for name, own in words.items()
+        }
+    _check_words(events, labels, words, path)
     reference = next((held[one] * scale for one, scale in PRESSURE.items() if one in held), None)
     if reference is not None and (reference.ndim != 1 or reference.dtype.kind not in "uif"):
         raise DataFormatError("the reference pressure is not a list of numbers", path)
@@ -245,14 +252,32 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
         _whole(_first(held, IDS), "channels", width, path),
         events,
         labels,
-        _words(held.get("sessions")),
-        _words(held.get("people")),
+        words["sessions"],
+        words["people"],
         stretches,
         None if reference is None else np.asarray(reference, np.float64),
         reference_times if reference is not None else None,
         _positions(held.get("positions"), width),
         _marks(held.get("marks"), path),
     )
+
+
+def _check_words(
+    events: IntArray | None,
+    labels: tuple[str, ...],
+    words: Mapping[str, tuple[str, ...]],
+    path: Path,
+) -> None:
+    """Refuse events without a label, and sessions or people that are not one for each label."""
+    last = -1 if events is None else int(events.max(initial=-1))
+    if labels and last >= len(labels):
+        raise DataFormatError(
+            f"events name touch {last}, `labels` has {len(labels)}: one for each touch, from 0",
+            path,
+        )
+    for name, own in words.items():
+        if labels and own and len(own) != len(labels):
+            raise DataFormatError(f"`{name}` has {len(own)}, `labels` {len(labels)}", path)
 
 
 def _marks(found: NDArray[Any] | None, path: Path) -> tuple[dict[str, Any], ...]:

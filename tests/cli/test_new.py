@@ -260,6 +260,16 @@ def test_meshes_from_elsewhere_come_along(tmp_path, said, inside):
     assert UrdfBody(manifest.parent / named).links == ("body",)
 
 
+def test_a_manifest_that_loses_parts_is_named(tmp_path):
+    robot = urdf(tmp_path / "r.urdf", a=0.05, b=0.08)
+    one, other = (table(tmp_path / f"{n}.csv", tube(r)) for n, r in (("one", 0.05), ("two", 0.08)))
+    words = (robot, "--units", "m", "-o", tmp_path / "r.toml", "--taxels", one)
+    made(*words, other)
+    made(*words, other)  # the same parts
+    with pytest.warns(skinmap.SkinWarning, match=r"r.toml \(2 parts before: one, two\)"):
+        made(*words)
+
+
 def test_a_file_of_somebody_else_is_never_replaced_by_a_copy(tmp_path):
     out = tmp_path / "out"
     theirs = table(out / "forearm.csv", tube(0.05))

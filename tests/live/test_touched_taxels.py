@@ -39,7 +39,7 @@ def spot(skin):
     return np.argsort(distance)[:7]
 
 
-def planted(spot, *, gap: float = 0.0) -> Playback:
+def planted(spot, *, gap: float = 0.0, clock: float = 0.0) -> Playback:
     """Twelve seconds with the presses, a taxel that hangs from the first sample and a spike."""
     times = np.arange(600) / RATE
     values = np.zeros((600, 240), np.float32)
@@ -47,7 +47,7 @@ def planted(spot, *, gap: float = 0.0) -> Playback:
         values[np.ix_((times >= begin) & (times < end), spot)] = counts
     values[:, 7] = 200.0
     values[250, 200] = 180.0
-    times = np.where(times > 8.0, times + gap, times)
+    times = clock + np.where(times > 8.0, times + gap, times)
     return Playback(StreamInfo("planted", ("torso",), (240,), RATE), times, values, speed=np.inf)
 
 
@@ -73,6 +73,15 @@ def test_touched_adds_recordings_and_names_the_last(robot, skin, spot):
     assert (mine["count"], mine["recording"], mine["part"]) == ("6", "b", "torso")
     never = next(row for row in rows if row["count"] == "0")
     assert (never["last_s"], never["recording"]) == ("", "")
+
+
+@pytest.mark.parametrize(("first", "second", "last"), [(2e9, 1e9, 0), (1e9, 2e9, 1), (2e9, 5, 1)])
+def test_the_last_recording_is_that_of_the_latest_clock(robot, skin, spot, first, second, last):
+    begins = {"a": first, "b": second}
+    made = [Path("a"), Path("b")]
+    found = touched_in(made, robot, {"torso": skin}, lambda p: planted(spot, clock=begins[p.name]))
+    assert found.parts["torso"].recording[spot].tolist() == [last] * len(spot)
+    np.testing.assert_allclose(found.parts["torso"].last[spot], 9.4, rtol=0, atol=1.5 / RATE)
 
 
 def test_touched_does_not_count_a_gap_as_dwell(robot, skin, spot):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import time
 from dataclasses import replace
 from pathlib import Path
@@ -189,7 +190,10 @@ BAD = {
     "nanoseconds": {"samples": noise(), "times": np.arange(1000) * 20_000_000},
     "reference only": {"pressure_bar": np.arange(50.0)},
     "no arrays": {"head": np.array(3)},
-}
+    "unlabelled events": {"samples": noise(), "events": np.full(1000, 7), "labels": ["a", "b"]},
+    "sessions": {"samples": noise(), "events": np.zeros(1000, int), "labels": ["a"],
+                 "sessions": ["x", "y"]},
+}  # fmt: skip
 
 
 @pytest.mark.parametrize("name", BAD)
@@ -199,6 +203,9 @@ def test_a_bad_file_is_named_in_one_line_or_a_finding(name, tmp_path):
     assert code in (2, 3)
     assert "bad.npz" in text
     assert code == 3 or "\n" not in text.strip()
+    if "labels" in BAD[name]:
+        assert "label" in text
+        assert code == 2
 
 
 def test_two_recordings_with_different_channels_are_named(tmp_path):
@@ -243,6 +250,11 @@ def test_mending_writes_over_nothing_and_takes_one_recording(tmp_path):
     assert code == 2
     assert "is there already" in text
     assert (tmp_path / "a.npz").read_bytes() == before
+    for given in (tmp_path, tmp_path / "a.npz"):
+        code, text = run(given, "--mend", tmp_path / "a.npz", "--force")
+        assert code == 2
+        assert "one of those that are read" in text
+    assert (tmp_path / "a.npz").read_bytes() == before
     np.savez(tmp_path / "c.npz", **faulty())
     code, text = run(tmp_path / "a.npz", tmp_path / "c.npz", "--mend", tmp_path / "b.npz")
     assert code == 2
@@ -255,8 +267,10 @@ def test_the_page_holds_a_picture_for_each_question(tmp_path):
     values[:, 3] = 0
     own = np.interp(np.arange(2500) + 90.0, np.arange(3000), load)
     np.savez(tmp_path / "a.npz", samples=values, times=np.arange(3000) / 50, pressure_bar=own)
-    run(tmp_path / "a.npz", "-o", tmp_path / "page")
+    _, printed = run(tmp_path / "a.npz", "-o", tmp_path / "page")
     text = (tmp_path / "page" / "report.html").read_text()
+    for one in (printed, text):
+        assert re.search(r"skin row = 90\.\d \+ 1\.000\d+ x reference row \(residual \d", one)
     assert text.count("<img") == 3
     assert "never answers" in text
 
@@ -272,6 +286,15 @@ def test_training_is_warned_of_one_recording_under_two_names(tmp_path):
     assert "a.npz" in line
     alone = collect([tmp_path / "a.npz"], "kaspar")
     assert alone.unsound == ()
+
+
+def test_a_folder_is_examined_in_python_as_by_the_command(tmp_path):
+    for name in ("a", "b"):
+        np.savez(tmp_path / f"{name}.npz", **faulty())
+    found = json.loads(run(tmp_path, "--json")[1])
+    own = skinmap.examine(tmp_path)
+    assert own[0].kind == "repeated_recording"
+    assert len(own) == len(found["findings"]) + sum(len(one["findings"]) for one in found["files"])
 
 
 def test_a_folder_without_recordings_is_refused(tmp_path):
@@ -645,3 +668,63 @@ def test_a_clock_that_begins_anew_between_the_steps_is_a_restart(late):
     found = [one.kind for one in examine_track(Track("anew", values, times))[0].findings]
     assert "restart" in found
     assert "order" not in found
+
+
+def test_missing_values_and_spikes_have_their_rows_and_channels():
+    rng = np.random.default_rng(5)
+    felt = pokes(rng)
+    sound, strewn = felt + rng.normal(0.0, 0.01, felt.shape), rng.random(felt.shape) < 0.3
+    times = np.arange(len(sound)) / 50
+
+    def found(where, value):
+        values = sound.copy()
+        values[where] = value
+        return [
+            (one.kind, one.channels, one.rows)
+            for one in examine_track(Track("a.npz", values, times))[0].findings
+        ]
+
+    assert found(slice(0, 0), 0) == []
+    assert found(slice(1000, 2000), np.nan) == [("lost", None, [[1000, 1999]])]
+    assert found(slice(9, 10), np.inf) == [("lost", None, [[9, 9]])]
+    assert found((slice(1000, 2000), 7), np.nan) == [("stuck", [7], [[1000, 1999]])]
+    assert found(strewn, np.nan) == [("lost", list(range(sound.shape[1])), None)]
+    far, rows = 100 * sound.max(), [[700, 700], [903, 904], [4499, 4499]]
+    assert found(([700, 903, 904, 4499], [3, 40, 40, 9]), far) == [("noisy", [3, 9, 40], rows)]
+
+
+def test_grasps_that_load_neighbours_apart_exchange_no_channels():
+    rng = np.random.default_rng(2)
+    at = np.column_stack([np.indices((20, 16)).reshape(2, -1).T * 5e-3, np.zeros(320)])
+    values = rng.normal(0.0, 1.0, (6000, 320))
+    for begin in range(50, 5700, 400):
+        loads = rng.uniform(0.1, 0.9, 320) * (rng.random(320) < 0.8)
+        loads[: int(rng.choice([0, 100, 220]))] = 0.0
+        values[begin : begin + 90] += 180.0 * np.hanning(90)[:, None] ** 0.3 * loads
+    own = examine_track(Track("glove", values, np.arange(6000) / 50, places=at))[0].findings
+    assert [one for one in own if one.kind == "wiring"] == []
+
+
+def test_two_exchanged_boards_are_one_finding():
+    rng = np.random.default_rng(4)
+    felt = pokes(rng, rows=9000)
+    values = felt + rng.normal(0.0, 0.005, felt.shape)
+    boards = [*range(12, 19)], [*range(62, 69)]
+    values[:, boards[0] + boards[1]] = values[:, boards[1] + boards[0]]
+    at = np.column_stack([np.indices((10, 10)).reshape(2, -1).T * 5e-3, np.zeros(100)])
+    own = examine_track(Track("boards", values, np.arange(9000) / 50, places=at))[0].findings
+    (found,) = [one for one in own if one.kind == "wiring"]
+    assert set(found.channels) <= set(boards[0] + boards[1])
+    assert len(found.channels) >= 8
+    assert " to " in found.text
+
+
+def test_taps_of_one_row_are_no_spikes():
+    rng = np.random.default_rng(1)
+    at = np.indices((10, 10)).reshape(2, -1).T
+    values = rng.normal(20.0, 1.2, (2000, 100))
+    for row in range(20, 1980, 30):
+        away = ((at - rng.uniform(0, 9, 2)) ** 2).sum(axis=1)
+        values[row] += rng.uniform(60, 200) * np.exp(-away / 3.0)
+    own = examine_track(Track("a", np.rint(values), np.arange(2000) / 20))[0].findings
+    assert not any("spikes" in one.text for one in own)
