@@ -30,13 +30,27 @@ COPY = 0.97  # correlation of noise
 MOST_PAIRS = 4_000  # channels whose pairs are compared by correlation
 PAIR_ROWS = 4e9  # rows times channels squared
 ALIKE = 0.98  # correlation of two courses that are one, by some factor
+AROUND = 0.75  # share of the channels beside one whose touch should reach it
+MOST_ASKED = 200  # sound channels that tell how surely a touch reaches one
+DOUBT = 0.05  # chance, over all channels, from which a mute one may be sound
 
 
 def channel_faults(survey: Survey) -> tuple[list[Finding], NDArray[np.bool_]]:
     """Findings, and the channels (n,) that no later question should be asked of."""
     bad = np.zeros(survey.width, bool)
     found: list[Finding] = []
-    for look in (_ids, _constant, _coarse, _thermal, _clipped, _stuck, _copied, _noisy, _sign):
+    for look in (
+        _ids,
+        _constant,
+        _coarse,
+        _thermal,
+        _clipped,
+        _stuck,
+        _copied,
+        _noisy,
+        _sign,
+        _mute,
+    ):
         found += look(survey, bad)
     return found, bad
 
@@ -552,3 +566,49 @@ def _sign(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     bad[channels] = True
     text = subject(channels, "falls", "fall") + " where the others rise: the sign is turned."
     return [finding("sign", text, channels=channels, confidence=0.95)]
+
+
+def _apart(some: NDArray[np.float32], others: NDArray[np.float32]) -> float:
+    """By how many errors of its mean some readings lie beyond others."""
+    error = max(float(others.std()), 1e-12) / len(some) ** 0.5
+    return float(some.mean() - others.mean()) / error
+
+
+def _mute(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Channels that stay within their noise while those beside them are touched again and again.
+
+    How often the other channels answer in the same place sets the confidence.
+    """
+    usable, felt = ~survey.constant & ~bad, survey.touched.any(axis=0)
+    silent = np.flatnonzero(usable & ~felt)
+    others = np.flatnonzero(usable & felt)
+    if len(silent) == 0 or len(others) < 3:
+        return []
+
+    def asked(channel: int) -> NDArray[np.bool_]:
+        beside = neighbours(survey, channel, 4 if survey.track.places is not None else 2)
+        beside = beside[usable[beside]]
+        return np.asarray(survey.touched[:, beside].sum(axis=1) >= max(AROUND * len(beside), 2))
+
+    shares = []
+    for channel in others[np.unique(np.linspace(0, len(others) - 1, MOST_ASKED).astype(int))]:
+        spans = spans_of(np.flatnonzero(asked(int(channel))), join=2)
+        if len(spans) >= 3:
+            answers = [survey.touched[a : b + 1, channel].any() for a, b in spans]
+            shares.append(float(np.mean(answers)))
+    if len(shares) < 3:
+        return []
+    missed = max(1.0 - float(np.percentile(shares, 5.0)), 0.1)
+    found: list[int] = []
+    sure: list[float] = []
+    for channel in silent.tolist():
+        load, own = asked(channel), survey.response[:, channel]
+        chance = survey.width * missed ** len(spans_of(np.flatnonzero(load), join=2))
+        # A weak channel, or one at the edge of each touch, still moves with those beside it.
+        if chance < DOUBT and _apart(own[load], own[~load]) < 4.0:
+            found.append(channel)
+            sure.append(1.0 - chance)
+    bad[found] = True
+    return _in_modules(
+        survey, np.array(found, np.int64), None, "dead", float(np.mean(sure or [0.0]))
+    )

@@ -645,3 +645,26 @@ def test_a_clock_that_begins_anew_between_the_steps_is_a_restart(late):
     found = [one.kind for one in examine_track(Track("anew", values, times))[0].findings]
     assert "restart" in found
     assert "order" not in found
+
+
+def pressed(touches: int = 80, width: int = 10, seed: int = 5) -> tuple[np.ndarray, np.ndarray]:
+    """Values (t, n) above rest, without noise, of pokes on a square of taxels; begins (k,)."""
+    rng = np.random.default_rng(seed)
+    places = np.stack(np.divmod(np.arange(width**2), width), axis=1)
+    load, begins = np.zeros((60 * touches + 60, width**2)), 60 * np.arange(touches) + 30
+    for begin in begins:
+        away = ((places - rng.uniform(-0.5, width - 0.5, 2)) ** 2).sum(axis=1)
+        force = rng.uniform(200, 900) * np.hanning(30)[:, None]
+        load[begin : begin + 30] += force * np.exp(-away / (2 * rng.uniform(1.0, 2.0) ** 2))
+    return load, begins
+
+
+@pytest.mark.parametrize("noise", [0.2, 1.0, 2.5])
+def test_a_dead_channel_with_noise_is_found_and_seldom_touched_ones_are_not(noise):
+    load, _ = pressed()
+    rng = np.random.default_rng(6)
+    values = 200 + load + rng.normal(0, 2.5, load.shape)
+    values[:, 44] = 203 + rng.normal(0, noise, len(load))
+    values = np.rint(values).astype(int)
+    own = examine_track(Track("noise", values, np.arange(len(load)) / 50))[0].findings
+    assert [(one.kind, one.channels) for one in own] == [("dead", [44])]
