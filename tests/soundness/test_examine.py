@@ -17,6 +17,7 @@ from benchmarks.reliability.planted_faults import PLANTS, Made, meets, sheet, tr
 from skinmap.cli.main import cli
 from skinmap.clock_lines import align
 from skinmap.errors import DataFormatError
+from skinmap.io.recordings.touch_files import read_recordings
 from skinmap.soundness.examination import examine_track, examine_tracks
 from skinmap.soundness.finding import HARM, KINDS
 from skinmap.soundness.track import Track, read_track
@@ -668,3 +669,28 @@ def test_a_dead_channel_with_noise_is_found_and_seldom_touched_ones_are_not(nois
     values = np.rint(values).astype(int)
     own = examine_track(Track("noise", values, np.arange(len(load)) / 50))[0].findings
     assert [(one.kind, one.channels) for one in own] == [("dead", [44])]
+
+
+def test_a_mended_copy_is_read_as_touches_of_its_robot_and_part(tmp_path):
+    made = skinmap.simulate("kaspar", part="left_hand", per_gesture=2, rng=0)
+    rows = np.sort(np.r_[: len(made.times), 40:60])
+    several = {name: getattr(made, name)[rows] for name in ("times", "pressures", "events")}
+    twice = replace(made, robot="kaspar", **several)
+    skinmap.save_recordings(twice, tmp_path / "a.npz")
+    assert run(tmp_path / "a.npz", "--mend", tmp_path / "b.npz")[0] == 3
+    (found,) = read_recordings(tmp_path / "b.npz")
+    assert (found.robot, found.part, found.labels) == ("kaspar", "left_hand", made.labels)
+    assert (found.pressures == made.pressures).all()
+    assert CliRunner().invoke(cli, ["info", str(tmp_path / "b.npz")]).exit_code == 0
+
+
+def test_a_mended_copy_of_a_mapped_table_keeps_channels_and_seconds(tmp_path):
+    said = 'robot = "kaspar"\npart = "left_hand"\ntime_unit = "ms"\nchannels = {b = 3, a = 1}\n'
+    (tmp_path / "mapping.toml").write_text(said)
+    lines = [f"{20 * k},{k % 7},{k % 5}" for k in range(200)]
+    (tmp_path / "a.csv").write_text("\n".join(["time,a,b", *lines]))
+    run(tmp_path / "a.csv", "--mend", tmp_path / "b.npz")
+    with pytest.warns(skinmap.errors.SkinWarning):
+        ((given,), (found,)) = (read_recordings(tmp_path / name) for name in ("a.csv", "b.npz"))
+    assert found.times[-1] == pytest.approx(given.times[-1])
+    assert (found.pressures == given.pressures).all()
