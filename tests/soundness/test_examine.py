@@ -694,3 +694,24 @@ def test_a_mended_copy_of_a_mapped_table_keeps_channels_and_seconds(tmp_path):
         ((given,), (found,)) = (read_recordings(tmp_path / name) for name in ("a.csv", "b.npz"))
     assert found.times[-1] == pytest.approx(given.times[-1])
     assert (found.pressures == given.pressures).all()
+
+
+def test_copies_under_load_are_found_on_a_skin_that_is_silent_at_rest(tmp_path):
+    load, _ = pressed()
+    rng = np.random.default_rng(7)
+    values = np.rint(load / 4 + rng.normal(0, 1.5, load.shape))
+    values = np.where(values < 8, 0, np.minimum(values, 255)).astype(np.int16)
+    copies = np.sort(rng.choice(np.arange(1, len(load) - 1), len(load) // 10, replace=False))
+    rows = np.sort(np.r_[: len(load), copies])
+    np.savez(tmp_path / "a.npz", samples=values[rows], times=np.arange(len(rows)) / 50)
+    loaded = (values[rows] > 0).sum(axis=1) >= 4
+    truth = np.flatnonzero((np.diff(rows, prepend=-1) == 0) & loaded)
+    (one,) = [one for one in skinmap.examine(tmp_path / "a.npz") if one.kind == "duplicate"]
+    found = np.concatenate([np.arange(a, b + 1) for a, b in one.rows or []])
+    assert np.isin(truth, found).mean() > 0.9
+    assert np.isin(found[loaded[found]], truth).all()
+    assert len(found) < 1.1 * len(truth)  # the silent pattern is left alone
+    run(tmp_path / "a.npz", "--mend", tmp_path / "b.npz")
+    assert run(tmp_path / "b.npz")[0] == 0
+    sound = examine_track(Track("s", values, np.arange(len(values)) / 50))[0].findings
+    assert "duplicate" not in [one.kind for one in sound]
