@@ -715,3 +715,22 @@ def test_copies_under_load_are_found_on_a_skin_that_is_silent_at_rest(tmp_path):
     assert run(tmp_path / "b.npz")[0] == 0
     sound = examine_track(Track("s", values, np.arange(len(values)) / 50))[0].findings
     assert "duplicate" not in [one.kind for one in sound]
+
+
+@pytest.mark.parametrize("touches", [1, 2, 6])
+def test_sessions_of_few_touches_differ_at_rest_only_where_their_rest_does(touches):
+    load, begins = pressed(3 * touches)
+    rng = np.random.default_rng(8)
+    values = 200 + load + rng.normal(0, 2.5, load.shape)
+    events = np.full(len(load), -1)
+    for number, begin in enumerate(begins):
+        events[begin : begin + 30] = number
+    days = np.repeat(("mon", "tue", "wed"), touches)
+    whole = Track("s", values, np.arange(len(load)) / 50, events=events, sessions=tuple(days))
+    assert "rest" not in [one.kind for one in examine_track(whole)[0].findings]
+    moved = values + 60.0 * (np.arange(len(load)) > begins[2 * touches] - 15)[:, None]
+    (one,) = [
+        one for one in examine_track(replace(whole, values=moved))[0].findings
+        if one.kind == "rest"
+    ]  # fmt: skip
+    assert one.rows == [[int(begins[2 * touches]), int(begins[-1]) + 29]]
