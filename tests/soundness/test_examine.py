@@ -734,3 +734,13 @@ def test_sessions_of_few_touches_differ_at_rest_only_where_their_rest_does(touch
         if one.kind == "rest"
     ]  # fmt: skip
     assert one.rows == [[int(begins[2 * touches]), int(begins[-1]) + 29]]
+
+
+@pytest.mark.parametrize(("wrong", "matters"), [(1, False), (6, True)])
+def test_one_doubtful_touch_is_a_remark_and_several_wrong_labels_matter(wrong, matters):
+    made, _ = labelled(np.random.default_rng(1), per=30)
+    names = np.array(made.labels)
+    for word, other in (("poke", "stroke"), ("stroke", "poke")):
+        names[np.flatnonzero(np.array(made.labels) == word)[:wrong]] = other
+    (found,) = examine_track(replace(made, labels=tuple(names.tolist())))[0].findings
+    assert (found.kind, found.matters) == ("labels", matters)
