@@ -22,11 +22,12 @@ HELD = 0.9  # confidence in a channel that stands still under load
 NOISY = 4.0  # times the noise of the others
 KINDS = 6  # values that a channel must take before its step is judged
 COARSE = 2.9  # times the step of the others
+WIDE, OFTEN = 8.0, 5.0  # the same, and rows at each value, where rounding hides even steps
 FULL_SCALES = {2**bits - 1 for bits in (8, 10, 12, 14, 16)}
 FULL, SEVERAL = 0.25, 0.05  # shares of touches, and of channels, at full scale: fewer are usual
 OUTLIER = 4.0  # deviations of noise that a step at rest counts for at most
 STANDS = {3.0: 5.0, 100.0: 2.5}  # noise [steps]: rows at one value that are more than chance
-COPY = 0.97  # correlation of noise
+COPY, RAW = 0.97, 0.9  # correlation of noise without the common part, and with it
 MOST_PAIRS = 4_000  # channels whose pairs are compared by correlation
 PAIR_ROWS = 4e9  # rows times channels squared
 ALIKE = 0.98  # correlation of two courses that are one, by some factor
@@ -314,6 +315,7 @@ def _copied(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         fast = np.diff(some[:, :, lively], axis=1).reshape(-1, len(lively))
         most = OUTLIER * np.maximum(survey.noise, survey.steps)[lively]
         fast = np.clip(fast, -most, most)  # one touch that begins is not noise
+        raw = fast.copy()
         fast -= np.median(fast, axis=1, keepdims=True)
         size = np.sqrt((fast**2).sum(axis=0))
         alike = (fast.T @ fast) / np.maximum(np.outer(size, size), 1e-30)
@@ -323,6 +325,8 @@ def _copied(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
             (int(lively[a]), int(lively[b]))
             for a, b in np.argwhere(np.triu(alike) > COPY).tolist()
             if max(usual[a], usual[b]) < 0.9 or alike[a, b] > 0.9999
+            # What stands still carries the median of the others, turned: so do two of them.
+            if raw[:, a] @ raw[:, b] > RAW * np.linalg.norm(raw[:, a]) * np.linalg.norm(raw[:, b])
         }
     if len(pairs) > MANY:  # so many move for a common reason
         return []
@@ -342,9 +346,16 @@ def _coarse(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     whole = survey.track.values.dtype.kind in "iub" or usual == np.rint(usual) > 0
     rows = np.unique(np.linspace(0, survey.count - 1, min(survey.count, 20_000)).astype(int))
     for channel in np.flatnonzero((steps > COARSE * usual) & ~bad & ~survey.constant):
-        kinds = np.unique(survey.track.values[rows, channel].astype(np.float64))
+        kinds, times = np.unique(
+            survey.track.values[rows, channel].astype(np.float64), return_counts=True
+        )
         grid = (kinds - kinds[0]) / steps[channel]
         even = np.abs(grid - np.rint(grid)).max() < 1e-3
+        # Steps between whole numbers are even but for their rounding.
+        if not even and steps[channel] >= WIDE * usual > 0 and np.median(times) >= OFTEN:
+            level = np.rint(grid)
+            line = np.polyval(np.polyfit(level, kinds, 1), level)
+            even = np.abs(kinds - line).max() < 0.75 * usual
         if even and len(kinds) >= KINDS and steps[channel] > 1e-3 * typical:
             coarse.append(int(channel))
     found = []

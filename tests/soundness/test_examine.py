@@ -744,3 +744,14 @@ def test_one_doubtful_touch_is_a_remark_and_several_wrong_labels_matter(wrong, m
         names[np.flatnonzero(np.array(made.labels) == word)[:wrong]] = other
     (found,) = examine_track(replace(made, labels=tuple(names.tolist())))[0].findings
     assert (found.kind, found.matters) == ("labels", matters)
+
+
+def test_coarse_channels_of_whole_numbers_are_quantised_and_no_copies():
+    load, _ = pressed()
+    rng = np.random.default_rng(9)
+    values = 200 + load + rng.normal(0, 2.5, load.shape)
+    coarse = [44, 53]
+    values[:, coarse] = 149.4 * np.rint(values[:, coarse] / 149.4)
+    values = np.rint(values).astype(int)
+    own = examine_track(Track("coarse", values, np.arange(len(values)) / 50))[0].findings
+    assert [(one.kind, one.channels) for one in own] == [("quantised", coarse)]
