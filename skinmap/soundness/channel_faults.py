@@ -22,16 +22,20 @@ HELD = 0.9  # confidence in a channel that stands still under load
 NOISY = 4.0  # times the noise of the others
 KINDS = 6  # values that a channel must take before its step is judged
 COARSE = 2.9  # times the step of the others
+WIDE, OFTEN = 8.0, 5.0  # the same, and rows at each value, where rounding hides even steps
 FULL_SCALES = {2**bits - 1 for bits in (8, 10, 12, 14, 16)}
 FULL, SEVERAL = 0.25, 0.05  # shares of touches, and of channels, at full scale: fewer are usual
 OUTLIER = 4.0  # deviations of noise that a step at rest counts for at most
 STANDS = {3.0: 5.0, 100.0: 2.5}  # noise [steps]: rows at one value that are more than chance
-COPY = 0.97  # correlation of noise
+COPY, RAW = 0.97, 0.9  # correlation of noise without the common part, and with it
 MOST_PAIRS = 4_000  # channels whose pairs are compared by correlation
 PAIR_ROWS = 4e9  # rows times channels squared
 ALIKE = 0.98  # correlation of two courses that are one, by some factor
 LASTS, RUNS = 20, 20  # rows without a number that are a stop, in so many stretches at most
 MUCH, MOST = 0.01, 0.5  # shares of missing values: that matter, and that leave nothing to judge
+AROUND = 0.75  # share of the channels beside one whose touch should reach it
+MOST_ASKED = 200  # sound channels that tell how surely a touch reaches one
+DOUBT = 0.05  # chance, over all channels, from which a mute one may be sound
 
 
 def channel_faults(survey: Survey) -> tuple[list[Finding], NDArray[np.bool_]]:
@@ -49,6 +53,7 @@ def channel_faults(survey: Survey) -> tuple[list[Finding], NDArray[np.bool_]]:
         _copied,
         _noisy,
         _sign,
+        _mute,
     ):
         found += look(survey, bad)
     return found, bad
@@ -360,6 +365,7 @@ def _copied(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         fast = np.diff(some[:, :, lively], axis=1).reshape(-1, len(lively))
         most = OUTLIER * np.maximum(survey.noise, survey.steps)[lively]
         fast = np.clip(fast, -most, most)  # one touch that begins is not noise
+        raw = fast.copy()
         fast -= np.median(fast, axis=1, keepdims=True)
         size = np.sqrt((fast**2).sum(axis=0))
         alike = (fast.T @ fast) / np.maximum(np.outer(size, size), 1e-30)
@@ -369,6 +375,8 @@ def _copied(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
             (int(lively[a]), int(lively[b]))
             for a, b in np.argwhere(np.triu(alike) > COPY).tolist()
             if max(usual[a], usual[b]) < 0.9 or alike[a, b] > 0.9999
+            # What stands still carries the median of the others, turned: so do two of them.
+            if raw[:, a] @ raw[:, b] > RAW * np.linalg.norm(raw[:, a]) * np.linalg.norm(raw[:, b])
         }
     if len(pairs) > MANY:  # so many move for a common reason
         return []
@@ -388,9 +396,16 @@ def _coarse(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     whole = survey.track.values.dtype.kind in "iub" or usual == np.rint(usual) > 0
     rows = np.unique(np.linspace(0, survey.count - 1, min(survey.count, 20_000)).astype(int))
     for channel in np.flatnonzero((steps > COARSE * usual) & ~bad & ~survey.constant):
-        kinds = np.unique(survey.track.values[rows, channel].astype(np.float64))
+        kinds, times = np.unique(
+            survey.track.values[rows, channel].astype(np.float64), return_counts=True
+        )
         grid = (kinds - kinds[0]) / steps[channel]
         even = np.abs(grid - np.rint(grid)).max() < 1e-3
+        # Steps between whole numbers are even but for their rounding.
+        if not even and steps[channel] >= WIDE * usual > 0 and np.median(times) >= OFTEN:
+            level = np.rint(grid)
+            line = np.polyval(np.polyfit(level, kinds, 1), level)
+            even = np.abs(kinds - line).max() < 0.75 * usual
         if even and len(kinds) >= KINDS and steps[channel] > 1e-3 * typical:
             coarse.append(int(channel))
     found = []
@@ -612,3 +627,49 @@ def _sign(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     bad[channels] = True
     text = subject(channels, "falls", "fall") + " where the others rise: the sign is turned."
     return [finding("sign", text, channels=channels, confidence=0.95)]
+
+
+def _apart(some: NDArray[np.float32], others: NDArray[np.float32]) -> float:
+    """By how many errors of its mean some readings lie beyond others."""
+    error = max(float(others.std()), 1e-12) / len(some) ** 0.5
+    return float(some.mean() - others.mean()) / error
+
+
+def _mute(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+    """Channels that stay within their noise while those beside them are touched again and again.
+
+    How often the other channels answer in the same place sets the confidence.
+    """
+    usable, felt = ~survey.constant & ~bad, survey.touched.any(axis=0)
+    silent = np.flatnonzero(usable & ~felt)
+    others = np.flatnonzero(usable & felt)
+    if len(silent) == 0 or len(others) < 3:
+        return []
+
+    def asked(channel: int) -> NDArray[np.bool_]:
+        beside = neighbours(survey, channel, 4 if survey.track.places is not None else 2)
+        beside = beside[usable[beside]]
+        return np.asarray(survey.touched[:, beside].sum(axis=1) >= max(AROUND * len(beside), 2))
+
+    shares = []
+    for channel in others[np.unique(np.linspace(0, len(others) - 1, MOST_ASKED).astype(int))]:
+        spans = spans_of(np.flatnonzero(asked(int(channel))), join=2)
+        if len(spans) >= 3:
+            answers = [survey.touched[a : b + 1, channel].any() for a, b in spans]
+            shares.append(float(np.mean(answers)))
+    if len(shares) < 3:
+        return []
+    missed = max(1.0 - float(np.percentile(shares, 5.0)), 0.1)
+    found: list[int] = []
+    sure: list[float] = []
+    for channel in silent.tolist():
+        load, own = asked(channel), survey.response[:, channel]
+        chance = survey.width * missed ** len(spans_of(np.flatnonzero(load), join=2))
+        # A weak channel, or one at the edge of each touch, still moves with those beside it.
+        if chance < DOUBT and _apart(own[load], own[~load]) < 4.0:
+            found.append(channel)
+            sure.append(1.0 - chance)
+    bad[found] = True
+    return _in_modules(
+        survey, np.array(found, np.int64), None, "dead", float(np.mean(sure or [0.0]))
+    )

@@ -221,5 +221,7 @@ def arrays_of(track: Track, done: list[str]) -> dict[str, Any]:
     held |= {name: one for name, one in several.items() if one is not None}
     words = {"labels": track.labels, "sessions": track.sessions, "people": track.people}
     held |= {name: np.array(one) for name, one in words.items() if one}
+    if track.robot and "," not in track.part:  # the readers of touches take one part of an NPZ
+        held |= {"robot": np.array(track.robot), "part": np.array(track.part)}
     held["marks"] = np.array([json.dumps(one) for one in track.marks] or [""])[: len(track.marks)]
     return held

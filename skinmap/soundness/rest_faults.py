@@ -16,6 +16,7 @@ STEP = 0.65  # share of the whole change that happens at one place: a step, not 
 BETWEEN = 8.0  # percentile of a short piece's cells: touches leave it at rest for moments only
 HELD, BEYOND = 90.0, 3.0  # percentile of how far levels come back, and how much farther rest moves
 INNER = 0.1  # share of a drift that is seen without the first and the last piece
+ENOUGH, COVERED = 5, 30  # cells that show a rest: untouched ones, and of any kind
 ALL = 0.6  # share of the channels from which it is the whole skin
 
 
@@ -134,29 +135,43 @@ def session_offsets(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     if track.events is None or len(set(track.sessions)) < 2:
         return []
     lively = np.flatnonzero(~survey.constant & ~bad)
-    rests, names, where, edges = [], [], [], []
-    share = 20.0 if survey.rising else 80.0
+    spans = []
     for name in dict.fromkeys(track.sessions):
         own = [k for k, one in enumerate(track.sessions) if one == name]
         rows = np.flatnonzero(np.isin(track.events, own))
-        if len(rows) == 0:
+        if len(rows):
+            spans.append((int(rows[0]), int(rows[-1]), name))
+    turns = sorted(spans)
+    if any(a[1] >= b[0] for a, b in pairwise(turns)):
+        return []
+    rests, names, where, edges = [], [], [], []
+    share = 20.0 if survey.rising else 80.0
+    starts = np.arange(len(survey.mean)) * survey.cell
+    free = np.logical_and.reduceat(track.events < 0, starts)
+    # What lies between two sessions belongs to the nearer one.
+    cuts = [0, *((a[1] + b[0]) // 2 for a, b in pairwise(turns)), survey.count - 1]
+    for (first, last, name), begin, end in zip(turns, cuts, cuts[1:], strict=False):
+        if free.any():
+            calm = np.flatnonzero(free & (starts >= first) & (starts <= last))
+            if len(calm) < ENOUGH:
+                calm = np.flatnonzero(free & (starts >= begin) & (starts < end))
+        else:  # each file is a touch, with rest in it
+            calm = np.arange(survey.cell_of(first), survey.cell_of(last) + 1)
+        if len(calm) < (ENOUGH if free.any() else COVERED):
             continue
-        a, b = survey.cell_of(rows[0]), survey.cell_of(rows[-1])
-        inside = survey.mean[a : b + 1][:, lively]
+        inside = survey.mean[calm][:, lively]
         rests.append(np.percentile(inside, share, axis=0))
         third = -(-len(inside) // 3)
         edges.append(
             [np.percentile(one, share, axis=0) for one in (inside[:third], inside[-third:])]
         )
         names.append(name)
-        where.append([int(rows[0]), int(rows[-1])])
-    turns = sorted(where)
-    if len(rests) < 2 or any(a[1] >= b[0] for a, b in pairwise(turns)):
+        where.append([first, last])
+    if len(rests) < 2:
         return []
-    order = np.argsort([one[0] for one in where])
     level = np.array(rests)
     step, between = np.array(
-        [(edges[b][0] - edges[a][1], level[b] - level[a]) for a, b in pairwise(order)]
+        [(edges[b][0] - edges[a][1], level[b] - level[a]) for a, b in pairwise(range(len(level)))]
     ).transpose(1, 0, 2)
     if np.abs(step).sum() < STEP * np.abs(between).sum():  # it drifts
         return []

@@ -27,6 +27,8 @@ ALIKE = 0.5  # cosine between the steps before and behind a repeated row
 SHARED = 0.1  # of all rows: those with the time of another
 MOST = 0.5  # the same, beside bursts: there a sensor's own program gave no times
 FEW_CHANGES = 6  # channels
+ONE_WAY = 0.9  # of the channels that change: without noise all do so in one direction
+LOADED, RARE = 4, 0.01  # channels away from rest, and the chance that none of them changes
 AWAY = 3.0  # rows by which the clocks must differ somewhere
 
 
@@ -168,7 +170,39 @@ def _repeats(survey: Survey, times: FloatArray | None) -> NDArray[np.bool_]:
         and not _recurs(survey, rows)
     ):
         return repeated | equal
-    return repeated | _held(survey, rows)
+    return repeated | _held(survey, rows) | _copies_under_load(survey, rows)
+
+
+def _copies_under_load(survey: Survey, rows: IntArray) -> NDArray[np.bool_]:
+    """Rows without a change between rows of which most loaded channels change: by noise.
+
+    The pattern of a skin that is silent at rest is left alone, and so is a load that is held.
+    """
+    values, moves = survey.track.values, survey.changed
+    some = np.unique(np.linspace(0, survey.count - 1, min(survey.count, 2000)).astype(int))
+    silent = np.median(values[some], axis=0).astype(values.dtype)
+    loaded = np.concatenate(
+        [np.count_nonzero(values[k : k + 4096] != silent, axis=1)
+         for k in range(0, survey.count, 4096)]
+    )  # fmt: skip
+    share = moves / np.maximum(loaded, 1)
+    moving = (loaded >= LOADED) & (moves > 0)
+    found = np.zeros(survey.count, bool)
+    if moving.sum() < 20:
+        return found
+    usual = min(float(np.median(share[moving])), 0.95)
+    for a, b in spans_of(rows):
+        sides = moving[a - 1 : a].any() and moving[b + 1 : b + 2].any()
+        if not sides or b - a >= HELD or min(share[a - 1], share[b + 1]) <= usual / 3:
+            continue
+        # Without noise a touch turns at its peak: all of its channels rise, stand and fall.
+        step = np.sign(np.diff(values[[max(a - 2, 0), a - 1, b, b + 1]].astype(np.float64), axis=0))
+        if (np.abs(step.sum(axis=1)) < ONE_WAY * np.abs(step).sum(axis=1))[[0, 2]].any():
+            found[a : b + 1] = (1.0 - usual) ** loaded[a] < RARE
+    # Where many rows change little, a few change nothing by chance.
+    few = np.count_nonzero(share[moving] < usual / 3)
+    chance = float(((1.0 - usual) ** loaded[loaded >= LOADED]).sum())
+    return found & (found.sum() > max(few, 3.0 * chance, 2.0))
 
 
 def _made_up_for(times: FloatArray, repeated: NDArray[np.bool_]) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ import io
 import json
 import warnings
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +24,7 @@ from skinmap.errors import (
     SkinMismatchError,
     check_kind,
 )
-from skinmap.io.recordings.channel_table import SECONDS
+from skinmap.io.recordings.channel_table import SECONDS, channel_columns
 from skinmap.io.recordings.mapping import Mapping as FileMapping
 from skinmap.io.recordings.mapping import find_mapping, is_own_archive
 from skinmap.io.text import check_file
@@ -77,6 +78,8 @@ class Track:
         Faults (`kind`, `channels`, `rows`) that a mended copy holds as marks.
     part : str
         Of the robot, several separated by commas; empty where the file does not tell.
+    robot : str
+        What `skinmap.load_robot` loads it by, of pressures; empty where the file does not tell.
     """
 
     file: str
@@ -94,6 +97,7 @@ class Track:
     places: FloatArray | None = None
     marks: tuple[dict[str, Any], ...] = ()
     part: str = ""
+    robot: str = ""
 
 
 def files_of(path: Path) -> list[Path]:
@@ -259,6 +263,7 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
         reference_times if reference is not None else None,
         _positions(held.get("positions"), width),
         _marks(held.get("marks"), path),
+        *("".join(_words(held.get(one))) for one in ("part", "robot")),
     )
 
 
@@ -404,6 +409,11 @@ def _from_table(path: Path) -> Track:
         found = {name: tuple(own[k] for k in first) if own else () for name, own in found.items()}
     twice = {one for one in names if names.count(one) > 1}
     ids = np.array([names.index(names[numbers[k]]) for k in kept]) if twice else None
+    if mapping is not None and ids is None:  # a mended copy has no columns with names
+        with suppress(DataFormatError):
+            heads = [names[numbers[k]] for k in kept]
+            own = channel_columns(heads, mapping, path)
+            ids = np.array([own[one] for one in heads], np.int64)
     return Track(
         str(path), table[:, kept], times, unit, ids, events,
         found["labels"], found["sessions"], found["people"],
@@ -503,6 +513,7 @@ def _joined(several: list[Any], file: str, placed: bool) -> Track:
         people=tuple(words["people"]) if any(words["people"]) else (),
         places=apart(known) if len(known) == len(several) else None,
         part=", ".join(one.part for one in several),
+        robot=several[0].robot,
     )
 
 
@@ -553,6 +564,7 @@ def _places_of(robot: str, part: str, width: int) -> FloatArray | None:
 
 
 def _from_stream(path: Path) -> Track:
+    from skinmap.io.robots.manifest import builtin_named
     from skinmap.live.sources.open_recording import open_track
 
     with warnings.catch_warnings():
@@ -575,12 +587,16 @@ def _from_stream(path: Path) -> Track:
         places.append(own)
     whole = apart(places)
     known = bool(found.tables) and np.isfinite(whole).any()
+    robot = found.manifest or builtin_named(found.info.robot) or ""
+    robot = robot if found.kind == "pressure" else ""
     return Track(
         str(path), values, np.asarray(found.times), events=events,
         labels=tuple(one.label for one in found.touches),
         sessions=tuple(one.session for one in found.touches) if found.touches else (),
         people=tuple(one.person for one in found.touches) if found.touches else (),
         places=whole if known else None,
+        part=", ".join(found.info.parts) if robot else "",
+        robot=robot,
     )  # fmt: skip
 
 

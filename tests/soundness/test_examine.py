@@ -18,6 +18,7 @@ from benchmarks.reliability.planted_faults import PLANTS, Made, meets, sheet, tr
 from skinmap.cli.main import cli
 from skinmap.clock_lines import align
 from skinmap.errors import DataFormatError
+from skinmap.io.recordings.touch_files import read_recordings
 from skinmap.soundness.examination import examine_track, examine_tracks
 from skinmap.soundness.finding import HARM, KINDS
 from skinmap.soundness.track import Track, read_track
@@ -728,3 +729,112 @@ def test_taps_of_one_row_are_no_spikes():
         values[row] += rng.uniform(60, 200) * np.exp(-away / 3.0)
     own = examine_track(Track("a", np.rint(values), np.arange(2000) / 20))[0].findings
     assert not any("spikes" in one.text for one in own)
+
+
+def pressed(touches: int = 80, width: int = 10, seed: int = 5) -> tuple[np.ndarray, np.ndarray]:
+    """Values (t, n) above rest, without noise, of pokes on a square of taxels; begins (k,)."""
+    rng = np.random.default_rng(seed)
+    places = np.stack(np.divmod(np.arange(width**2), width), axis=1)
+    load, begins = np.zeros((60 * touches + 60, width**2)), 60 * np.arange(touches) + 30
+    for begin in begins:
+        away = ((places - rng.uniform(-0.5, width - 0.5, 2)) ** 2).sum(axis=1)
+        force = rng.uniform(200, 900) * np.hanning(30)[:, None]
+        load[begin : begin + 30] += force * np.exp(-away / (2 * rng.uniform(1.0, 2.0) ** 2))
+    return load, begins
+
+
+@pytest.mark.parametrize("noise", [0.2, 1.0, 2.5])
+def test_a_dead_channel_with_noise_is_found_and_seldom_touched_ones_are_not(noise):
+    load, _ = pressed()
+    rng = np.random.default_rng(6)
+    values = 200 + load + rng.normal(0, 2.5, load.shape)
+    values[:, 44] = 203 + rng.normal(0, noise, len(load))
+    values = np.rint(values).astype(int)
+    own = examine_track(Track("noise", values, np.arange(len(load)) / 50))[0].findings
+    assert [(one.kind, one.channels) for one in own] == [("dead", [44])]
+
+
+def test_a_mended_copy_is_read_as_touches_of_its_robot_and_part(tmp_path):
+    made = skinmap.simulate("kaspar", part="left_hand", per_gesture=2, rng=0)
+    rows = np.sort(np.r_[: len(made.times), 40:60])
+    several = {name: getattr(made, name)[rows] for name in ("times", "pressures", "events")}
+    twice = replace(made, robot="kaspar", **several)
+    skinmap.save_recordings(twice, tmp_path / "a.npz")
+    assert run(tmp_path / "a.npz", "--mend", tmp_path / "b.npz")[0] == 3
+    (found,) = read_recordings(tmp_path / "b.npz")
+    assert (found.robot, found.part, found.labels) == ("kaspar", "left_hand", made.labels)
+    assert (found.pressures == made.pressures).all()
+    assert CliRunner().invoke(cli, ["info", str(tmp_path / "b.npz")]).exit_code == 0
+
+
+def test_a_mended_copy_of_a_mapped_table_keeps_channels_and_seconds(tmp_path):
+    said = 'robot = "kaspar"\npart = "left_hand"\ntime_unit = "ms"\nchannels = {b = 3, a = 1}\n'
+    (tmp_path / "mapping.toml").write_text(said)
+    lines = [f"{20 * k},{k % 7},{k % 5}" for k in range(200)]
+    (tmp_path / "a.csv").write_text("\n".join(["time,a,b", *lines]))
+    run(tmp_path / "a.csv", "--mend", tmp_path / "b.npz")
+    with pytest.warns(skinmap.errors.SkinWarning):
+        ((given,), (found,)) = (read_recordings(tmp_path / name) for name in ("a.csv", "b.npz"))
+    assert found.times[-1] == pytest.approx(given.times[-1])
+    assert (found.pressures == given.pressures).all()
+
+
+def test_copies_under_load_are_found_on_a_skin_that_is_silent_at_rest(tmp_path):
+    load, _ = pressed()
+    rng = np.random.default_rng(7)
+    values = np.rint(load / 4 + rng.normal(0, 1.5, load.shape))
+    values = np.where(values < 8, 0, np.minimum(values, 255)).astype(np.int16)
+    copies = np.sort(rng.choice(np.arange(1, len(load) - 1), len(load) // 10, replace=False))
+    rows = np.sort(np.r_[: len(load), copies])
+    np.savez(tmp_path / "a.npz", samples=values[rows], times=np.arange(len(rows)) / 50)
+    loaded = (values[rows] > 0).sum(axis=1) >= 4
+    truth = np.flatnonzero((np.diff(rows, prepend=-1) == 0) & loaded)
+    (one,) = [one for one in skinmap.examine(tmp_path / "a.npz") if one.kind == "duplicate"]
+    found = np.concatenate([np.arange(a, b + 1) for a, b in one.rows or []])
+    assert np.isin(truth, found).mean() > 0.9
+    assert np.isin(found[loaded[found]], truth).all()
+    assert len(found) < 1.1 * len(truth)  # the silent pattern is left alone
+    run(tmp_path / "a.npz", "--mend", tmp_path / "b.npz")
+    assert run(tmp_path / "b.npz")[0] == 0
+    sound = examine_track(Track("s", values, np.arange(len(values)) / 50))[0].findings
+    assert "duplicate" not in [one.kind for one in sound]
+
+
+@pytest.mark.parametrize("touches", [1, 2, 6])
+def test_sessions_of_few_touches_differ_at_rest_only_where_their_rest_does(touches):
+    load, begins = pressed(3 * touches)
+    rng = np.random.default_rng(8)
+    values = 200 + load + rng.normal(0, 2.5, load.shape)
+    events = np.full(len(load), -1)
+    for number, begin in enumerate(begins):
+        events[begin : begin + 30] = number
+    days = np.repeat(("mon", "tue", "wed"), touches)
+    whole = Track("s", values, np.arange(len(load)) / 50, events=events, sessions=tuple(days))
+    assert "rest" not in [one.kind for one in examine_track(whole)[0].findings]
+    moved = values + 60.0 * (np.arange(len(load)) > begins[2 * touches] - 15)[:, None]
+    (one,) = [
+        one for one in examine_track(replace(whole, values=moved))[0].findings
+        if one.kind == "rest"
+    ]  # fmt: skip
+    assert one.rows == [[int(begins[2 * touches]), int(begins[-1]) + 29]]
+
+
+@pytest.mark.parametrize(("wrong", "matters"), [(1, False), (6, True)])
+def test_one_doubtful_touch_is_a_remark_and_several_wrong_labels_matter(wrong, matters):
+    made, _ = labelled(np.random.default_rng(1), per=30)
+    names = np.array(made.labels)
+    for word, other in (("poke", "stroke"), ("stroke", "poke")):
+        names[np.flatnonzero(np.array(made.labels) == word)[:wrong]] = other
+    (found,) = examine_track(replace(made, labels=tuple(names.tolist())))[0].findings
+    assert (found.kind, found.matters) == ("labels", matters)
+
+
+def test_coarse_channels_of_whole_numbers_are_quantised_and_no_copies():
+    load, _ = pressed()
+    rng = np.random.default_rng(9)
+    values = 200 + load + rng.normal(0, 2.5, load.shape)
+    coarse = [44, 53]
+    values[:, coarse] = 149.4 * np.rint(values[:, coarse] / 149.4)
+    values = np.rint(values).astype(int)
+    own = examine_track(Track("coarse", values, np.arange(len(values)) / 50))[0].findings
+    assert [(one.kind, one.channels) for one in own] == [("quantised", coarse)]

@@ -250,7 +250,7 @@ def read_table(path: Path) -> list[Recording]:
     names = next(rows)
     words = (mapping.label_column, mapping.person_column, mapping.session_column)
     own = {mapping.time, mapping.event_column, *words}
-    channels = _channel_columns([name for name in names if name not in own], mapping, path)
+    channels = channel_columns([name for name in names if name not in own], mapping, path)
     place = {name: k for k, name in enumerate(names)}
     for name in (*words, mapping.event_column, None if mapping.rate_hz else mapping.time):
         if name is not None and name not in place:
@@ -330,7 +330,7 @@ def _rows(path: Path, mapping: Mapping) -> Iterator[list[str]]:
         raise DataFormatError(f"not a table: {error}", path) from None
 
 
-def _channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict[str, int]:
+def channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict[str, int]:
     """Channel of each column that is one."""
     if mapping.channels:
         missing = [name for name in mapping.channels if name not in names]
@@ -406,18 +406,19 @@ def read_arrays(path: Path) -> list[Recording]:
 
 
 ARRAYS = (
-    "values", "times", "channels", "taxel_ids", "events", "file_index", "labels", "file_class",
-    "sessions", "people",
+    "values", "samples", "times", "channels", "taxel_ids", "events", "file_index", "labels",
+    "file_class", "sessions", "people", "mended",
 )  # fmt: skip
 
 
 def _table_of(arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Path) -> ChannelTable:
-    values = arrays.get("values")
+    values = arrays.get("values", arrays.get("samples"))
     if values is None or values.ndim != 2 or values.dtype.kind not in "uif":
-        raise DataFormatError("no table of numbers called `values`, one row a sample", path)
+        raise DataFormatError("no table of numbers `values` or `samples`, one row a sample", path)
     count, width = values.shape
     if "times" in arrays:
-        times = np.asarray(arrays["times"], np.float64) * SECONDS[mapping.time_unit or "s"]
+        unit = None if "mended" in arrays else mapping.time_unit  # a mended copy is in seconds
+        times = np.asarray(arrays["times"], np.float64) * SECONDS[unit or "s"]
     elif mapping.rate_hz is not None:
         times = np.arange(count) / mapping.rate_hz
     else:

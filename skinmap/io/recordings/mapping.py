@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 import msgspec
 
+from skinmap.archive import open_arrays
 from skinmap.errors import DataFormatError, MissingFileError
 from skinmap.io.text import is_file, read_text
 from skinmap.validation import checked
@@ -82,8 +83,8 @@ class Mapping(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 def find_mapping(path: Path) -> Mapping | None:
     """The mapping of a recording, None where there is none.
 
-    It is `NAME.toml` beside it, else the nearest `mapping.toml` of the
-    folders above it.
+    It is `NAME.toml` beside it, else the `robot` and `part` inside an NPZ, else the nearest
+    `mapping.toml` of the folders above it.
 
     Raises
     ------
@@ -93,11 +94,23 @@ def find_mapping(path: Path) -> Mapping | None:
     beside = path.with_suffix(".toml")
     if is_file(beside) and "[robot]" not in read_text(beside):  # a manifest beside its taxels
         return read_mapping(beside)
+    if (inside := _mapping_inside(path)) is not None:
+        return inside
     for folder in path.absolute().parents[:LEVELS]:
         if is_file(folder / NAME):
             found = read_mapping(folder / NAME)
             return None if is_own_archive(path) else found
     return None
+
+
+def _mapping_inside(path: Path) -> Mapping | None:
+    """The mapping of an NPZ of channels that holds its robot and part, as a mended copy does."""
+    if path.suffix.lower() != ".npz" or not is_file(path) or is_own_archive(path):
+        return None
+    with open_arrays(path, "an NPZ of channels over time") as arrays:
+        if not {"robot", "part", "samples"} <= set(arrays):
+            return None
+        return Mapping(str(arrays["robot"]), str(arrays["part"]))
 
 
 def needed_mapping(path: Path) -> Mapping:
