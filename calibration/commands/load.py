@@ -259,6 +259,7 @@ def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
     from calibration.response.load_fit import Pressed
     from skinmap.io.recordings.load_evidence import BAR, FORCES, check_bar
 
+    one, _, lost = one.on_even_rows()
     reference = one.on_nominal_rows()
     if one.kind in FORCES:
         if one.channels is None and one.kind != "stand":
@@ -269,7 +270,7 @@ def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
         count = one.samples.shape[1] if one.channels is None else len(one.channels)
         reference = reference / (area_mm2 * 1e-6 * count) * BAR
         check_bar(float(reference.max()), one.kind, path)
-    return Pressed(one.name, one.samples, one.rate, reference, one.channels, one.thermal)
+    return Pressed(one.name, one.samples, one.rate, reference, one.channels, one.thermal, lost)
 
 
 def _write(fit: LoadFit, folder: Path) -> list[str]:

@@ -65,6 +65,8 @@ class Pressed:
         Which channels felt it; all without.
     thermal : (n,) array of int, optional
         Channel with the temperature of each channel's module, -1 for none.
+    lost : (t,) array of bool, optional
+        Rows without a sample of their own, which teach nothing.
     """
 
     name: str
@@ -73,6 +75,7 @@ class Pressed:
     reference: FloatArray
     channels: IntArray | None = None
     thermal: IntArray | None = None
+    lost: BoolArray | None = None
 
 
 class Sums(NamedTuple):
@@ -163,6 +166,8 @@ def fit_load(
         reference_at(line, one.reference, len(one.samples))
         for one, line in zip(evidence, lines, strict=True)
     ]
+    for one, reference in zip(evidence, wanted, strict=True):
+        reference[np.zeros(len(reference), bool) if one.lost is None else one.lost] = np.nan
     warmth = _warmth(evidence, wanted)
     if warmth is not None:
         evidence = [replace(one, samples=warmth.corrected(one.samples)) for one in evidence]

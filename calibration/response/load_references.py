@@ -81,6 +81,7 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
     check_lines(one.name, lines)
     wrench = np.column_stack([reference_at(lines, c, len(counts)) for c in one.reference.T])
     known = np.isfinite(wrench).all(axis=1)
+    known &= True if one.lost is None else ~one.lost
     idle = active[:, 0] <= np.quantile(active, 0.02) + IDLE * np.ptp(active)
     rest = np.median(counts[idle], axis=0)
     wrench -= np.median(wrench[idle & known], axis=0)

@@ -516,3 +516,40 @@ def test_a_touch_of_a_few_taxels_is_no_part_of_their_rest():
     level = np.median((counts - 10) / 100, axis=1)
     before, _ = calm_rests(counts, level, 50.0, up=np.ones(60))
     assert np.abs(before - 10).max() <= 1.0  # 80 before
+
+
+def test_times_explain_lost_rows_bursts_and_other_rates(files, tmp_path):
+    samples, _ = chamber(1)
+    rows = np.arange(9000)
+    once = {"pressure_bar": chamber(1)[1], "reference_times": rows / RATE}
+    plain = fit_error(files("plain.npz", **once), tmp_path)
+    gaps = (rows < 2000) | (rows > 2150)
+    gaps &= (rows < 5000) | (rows > 5400)
+    slower = (rows < 4000) | (rows % 2 == 0)
+    for kept in (gaps, slower):
+        file = files("lost.npz", samples=samples[kept], times=rows[kept] / RATE, **once)
+        assert fit_error(file, tmp_path) < 1.2 * plain
+    bursts = rows // 2 * 2 / RATE + rows % 2 * 0.001
+    assert fit_error(files("burst.npz", times=bursts, **once), tmp_path) < 1.2 * plain
+
+
+def fit_error(file, tmp_path):
+    """Median error [bar] of a fit on one file, whose clocks are one."""
+    words = ("calibrate", "load", file, "-o", tmp_path / "out", "--json", "--force")
+    found = json.loads(run(*words).stdout)
+    (clock,) = found["clocks"]
+    assert abs(clock["slope_percent"]) < 0.2
+    return found["error_bar"]["median"]
+
+
+def test_each_sample_has_one_prediction_where_rows_were_lost(files, tmp_path):
+    run("calibrate", "load", files("own.npz"), "-o", tmp_path / "out")
+    samples, pressure = chamber(2)
+    kept = (np.arange(9000) < 4000) | (np.arange(9000) > 4200)
+    file = files("lost.npz", samples=samples[kept], times=np.flatnonzero(kept) / RATE,
+                 pressure_bar=pressure[kept])  # fmt: skip
+    words = ("evaluate", "--protocol", "load", tmp_path / "out", file, "--json", "--predictions")
+    (row,) = json.loads(run(*words, tmp_path / "p.npz").stdout)["rows"]
+    assert row["rms_bar"] < 0.12
+    with np.load(tmp_path / "p.npz") as found:
+        assert found["pressure_bar"].shape == (kept.sum(), N)

@@ -17,7 +17,7 @@ from skinmap.rows import percent
 from skinmap.touch.load_calibration import LoadCalibration, Zero
 
 if TYPE_CHECKING:
-    from skinmap.io.recordings.load_evidence import LoadEvidence
+    from skinmap.io.recordings.load_evidence import EvenRows
 
 CALENDAR = 1e9  # times above it are seconds since 1970
 ROWS = 4000  # judged at once
@@ -46,8 +46,11 @@ def work(settings: Settings) -> LoadsResult:
     with progress(len(recordings), "load") as advance:
         for path in recordings:
             one = read_evidence(path, needed=False)
-            found = calibration.pressures(one.samples, one.times, zero=zero)
-            rows.append(_row(calibration, one, found, zero))
+            even = one.on_even_rows()
+            found = calibration.pressures(even.evidence.samples, even.evidence.times, zero=zero)
+            if even.evidence is not one:  # one row for each sample
+                found = found[0][even.rows], found[1][even.rows], found[2][even.rows]
+            rows.append(_row(calibration, even, found, zero))
             if settings.predictions is not None:
                 written.append((one.times, *found))
             advance(path.name)
@@ -70,17 +73,17 @@ def work(settings: Settings) -> LoadsResult:
 
 def _row(
     calibration: LoadCalibration,
-    one: LoadEvidence,
+    even: EvenRows,
     found: tuple[FloatArray, FloatArray, FloatArray],
     zero: Zero,
 ) -> LoadRow:
-    values, low, high = found
+    (values, low, high), one = found, even.evidence
     answered = np.isfinite(values)
     zeroed = calibration.session(calibration.cooled(one.samples), one.rate, zero=zero).zeroed
     start = float(one.times[0])
     age = 0.0 if zeroed else (start - calibration.zeroed if start > CALENDAR else None)
     width = float(np.nanmean(high - low)) if answered.any() else None
-    rms, holds, unexplained = _beside(one, found)
+    rms, holds, unexplained = _beside(even, found)
     return LoadRow(
         recording=one.name,
         rms_bar=rms,
@@ -95,11 +98,12 @@ def _row(
 
 
 def _beside(
-    one: LoadEvidence, found: tuple[FloatArray, FloatArray, FloatArray]
+    even: EvenRows, found: tuple[FloatArray, FloatArray, FloatArray]
 ) -> tuple[float | None, float | None, float | None]:
     """Error, share of intervals that hold, and what alignment leaves open; None without."""
     from skinmap.clock_lines import UNEXPLAINED, align, reference_at
 
+    one = even.evidence
     if not one.kind:
         return None, None, None
     reference = one.on_nominal_rows()
@@ -109,7 +113,7 @@ def _beside(
         return None, None, None
     if lines[0].unexplained > UNEXPLAINED:
         return None, None, lines[0].unexplained
-    wanted = reference_at(lines, reference, len(one.samples))
+    wanted = reference_at(lines, reference, len(one.samples))[even.rows]
     squares, counts, inside = 0.0, 0, 0
     for start in range(0, len(wanted), ROWS):
         values, low, high = (each[start : start + ROWS] for each in found)
