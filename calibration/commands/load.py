@@ -256,6 +256,8 @@ def _top_newtons(loads: list[LoadEvidence]) -> float | None:
 
 def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
     """One file as a pressure on its channels."""
+    import numpy as np
+
     from calibration.response.load_fit import Pressed
     from skinmap.io.recordings.load_evidence import BAR, FORCES, check_bar
 
@@ -270,7 +272,10 @@ def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
         count = one.samples.shape[1] if one.channels is None else len(one.channels)
         reference = reference / (area_mm2 * 1e-6 * count) * BAR
         check_bar(float(reference.max()), one.kind, path)
-    return Pressed(one.name, one.samples, one.rate, reference, one.channels, one.thermal, lost)
+    channels = one.channels
+    if one.kind in FORCES and channels is None:  # a person stands on all of them, unevenly
+        channels = np.arange(one.samples.shape[1])
+    return Pressed(one.name, one.samples, one.rate, reference, channels, one.thermal, lost)
 
 
 def _write(fit: LoadFit, folder: Path) -> list[str]:

@@ -41,6 +41,9 @@ LEAST_SPREAD = 0.5  # counts: below it a taxel is dead
 AT_REST = 0.05  # share of the range of a load that a reference may stand off at rest
 SEEN_AT_REST = 0.02  # of it, that is not worth a note: noise and creep
 WARMER = 0.8  # of the square of what rest wanders, that may be left with a temperature
+APART, LEAST_ALIKE = 0.13, 8  # standard deviation of the ratios of gains in two recordings above
+# which their taxels are not the same (at most .075 over days of an insole), and taxels it needs
+HALF_INSIDE = 0.6745  # standard deviations either way that hold half
 FULL_ROWS, FULL_RANGE = 0.1, 0.3  # a taxel is saturated that stands still at its end in so many
 # rows while the load goes through so much of its range
 # Ridge a row: of the cubic, the plays and the slow means.
@@ -541,9 +544,19 @@ def _agree(evidence: Sequence[Pressed], sums: Sequence[Sums], told: BoolArray) -
                 continue
             heights = np.array([1.0, 0.5, 0.25, 0.125])
             pair = np.array([[one[k][:4] @ heights for one in (first, curves[j])] for k in both])
-            ratio = float(np.median(pair[:, 1] / np.maximum(pair[:, 0], 1e-9)))
+            each = np.maximum(pair[:, 1], 1e-9) / np.maximum(pair[:, 0], 1e-9)
+            ratio = float(np.median(each))
             if not 0.5 < ratio < 2.0:
                 raise InvalidArrayError(
                     f"{evidence[i].name} and {evidence[j].name} contradict each other: where the "
                     f"first reads 1 bar, the second reads {ratio:.2g} bar at the same counts"
+                )
+            # Forces press unevenly, each time elsewhere: only a chamber shows gains of taxels.
+            even = evidence[i].channels is None and evidence[j].channels is None
+            apart = float(np.median(np.abs(np.log(each / ratio)))) / HALF_INSIDE
+            if even and len(both) >= LEAST_ALIKE and apart > APART:
+                raise InvalidArrayError(
+                    f"{evidence[i].name} and {evidence[j].name} contradict each other: gains of "
+                    f"the taxels differ by {100 * apart:.0f} % from one to the other, those of one "
+                    f"skin by {100 * APART:.0f} % at most: are their channels in the same order?"
                 )

@@ -214,6 +214,16 @@ def test_falling_and_rising_counts_contradict_each_other():
         )
 
 
+def test_channels_in_another_order_contradict_each_other():
+    samples, pressure = chamber(1)
+    other, more = chamber(2)
+    evidence = [Pressed("a.npz", samples, RATE, pressure), Pressed("b.npz", other, RATE, more)]
+    fit_load(evidence)
+    evidence[1] = replace(evidence[1], samples=other[:, ::-1])
+    with pytest.raises(InvalidArrayError, match=r"a\.npz and b\.npz .* in the same order"):
+        fit_load(evidence)
+
+
 def test_files_come_back(fit, tmp_path):
     file = tmp_path / "load.npz"
     file.write_bytes(fit.calibration.to_bytes())
