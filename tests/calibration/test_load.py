@@ -257,6 +257,10 @@ def test_commands_from_evidence_to_predictions(files, tmp_path):
     assert row["rms_bar"] < 0.12
     assert row["holds"] > 0.85
     assert {"recording", "width_bar", "refused"} <= set(row)
+    noise = np.random.default_rng(3).normal(0, 0.003, 9000)  # of the reference at rest
+    files("other.npz", 2, shift=0.2, pressure_bar=chamber(2)[1] + noise)
+    (noisy,) = json.loads(run(*words, second).stdout)["rows"]
+    assert noisy["holds"] > row["holds"] - 0.01
     for pressure in (np.zeros(9000), np.random.default_rng(0).uniform(0, 3, 9000)):
         files("other.npz", 2, shift=0.2, pressure_bar=pressure)
         (row,) = json.loads(run(*words, second, "--force").stdout)["rows"]

@@ -121,7 +121,8 @@ def _beside(
         good = np.isfinite(values) & np.isfinite(true)
         squares = squares + np.where(good, (values - true) ** 2, 0.0).sum(axis=0)
         counts = counts + good.sum(axis=0)
-        inside += int((good & (low <= true) & (true <= high)).sum())
+        load = np.maximum(true, 0.0)  # a reference's noise at rest is no load below 0
+        inside += int((good & (low <= load) & (load <= high)).sum())
     own = np.asarray(counts) > 0
     if not own.any():
         return None, None, lines[0].unexplained
