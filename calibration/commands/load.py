@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from skinmap.io.recordings.load_evidence import LoadEvidence
 
 MAX_NAMED = 40  # taxels left out that words name
+MOST_UNLOADED = 0.5  # of all taxels: with more that no evidence pressed a calibration is refused
 DRAWN = 40  # points of a curve
 DRAWN_ROWS = 30_000  # the first of a recording: intervals of all would fill the memory
 
@@ -60,6 +61,8 @@ class LoadResult(Calibrated):
         All, and those whose pressure is known.
     dead, stray
         Channels that never moved, and that did not follow the others: left out of all sums.
+    unloaded
+        Channels that no evidence pressed: left out as well, though they may be sound.
     model
         Step of the ladder that did best on held-out stretches: `linear`, `cubic`, `hysteresis`.
     mean_s
@@ -102,6 +105,7 @@ class LoadResult(Calibrated):
     answered: int
     dead: list[int]
     stray: list[int]
+    unloaded: list[int]
     model: str
     mean_s: float
     held_out_bar: dict[str, float]
@@ -199,14 +203,19 @@ def work(
             raise SkinMismatchError(words)
         prints = fit_prints(printed, fit.calibration, skin)
         fit = replace(fit, calibration=replace(fit.calibration, covering=prints.covering))
-    found = fit.calibration
+    found, reasons = fit.calibration, []
+    if len(fit.unloaded) > MOST_UNLOADED * counts[0]:
+        reasons = [
+            f"No load was on {len(fit.unloaded)} of {counts[0]} taxels: press the others too."
+        ]
     result = LoadResult(
-        status="ok",
-        reasons=[],
+        status="low_coverage" if reasons else "ok",
+        reasons=reasons,
         channels=counts[0],
         answered=int(found.answered.sum()),
         dead=fit.dead,
         stray=fit.stray,
+        unloaded=fit.unloaded,
         model=found.model,
         mean_s=found.mean_s,
         held_out_bar=fit.held_out,
@@ -311,6 +320,7 @@ def _lines(result: LoadResult) -> Iterator[str]:
         )
     yield f"left out, dead: {first_few(result.dead, MAX_NAMED) or 'none'}"
     yield f"left out, do not follow: {first_few(result.stray, MAX_NAMED) or 'none'}"
+    yield f"left out, no load on them: {first_few(result.unloaded, MAX_NAMED) or 'none'}"
 
 
 def _page(fit: LoadFit, pressed: list[Pressed], result: LoadResult) -> str:

@@ -107,6 +107,8 @@ class LoadFit:
         Median error of each model on held-out stretches [bar].
     dead, stray : (k,) int
         Taxels that never moved, and that did not follow the skin.
+    unloaded : (k,) int
+        Taxels that no evidence pressed.
     shared : int
         Taxels that took the shape of all.
     at_rest : list of float
@@ -120,6 +122,7 @@ class LoadFit:
     stray: list[int]
     shared: int
     at_rest: list[float] = field(default_factory=list)
+    unloaded: list[int] = field(default_factory=list)
 
 
 def fit_load(
@@ -221,7 +224,14 @@ def fit_load(
         top=np.nanmax([np.nanmax(one) for one in wanted]), rested=rested, rate=first.rate,
         when=when, area_mm2=area_mm2, fingerprint=fingerprint, mean_s=mean_s,
     )  # fmt: skip
-    fit = replace(fit, at_rest=at_rest)
+    felt = np.any([_felt(one, n) for one in evidence], axis=0)
+    fit = replace(
+        fit,
+        at_rest=at_rest,
+        dead=[k for k in fit.dead if felt[k]],
+        stray=[k for k in fit.stray if felt[k]],
+        unloaded=np.flatnonzero(~felt).tolist(),
+    )
     if warmth is None:
         return fit
     stray = sorted({*fit.stray} - {*warmth.channel.tolist()})

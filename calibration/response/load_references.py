@@ -131,10 +131,11 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
         shift=np.zeros(n), zeroed=when, fingerprint=fingerprint, mean_s=mean_s,
     )  # fmt: skip
     dead = np.ptp(ends, axis=0) < 1
+    idle_ones = ~touched & ~dead & (np.ptp(ends, axis=0) < 2 * LEAST_SPAN)  # noise alone
     return LoadFit(
         calibration, [lines], {"linear": float(np.median(own_error[touched]))},
-        np.flatnonzero(dead).tolist(), np.flatnonzero(~touched & ~dead).tolist(),
-        int((spread > 0.5 * gains).sum()),
+        np.flatnonzero(dead).tolist(), np.flatnonzero(~touched & ~dead & ~idle_ones).tolist(),
+        int((spread > 0.5 * gains).sum()), unloaded=np.flatnonzero(idle_ones).tolist(),
     )  # fmt: skip
 
 

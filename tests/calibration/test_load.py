@@ -297,6 +297,13 @@ def test_a_mass_on_its_footprint_is_a_pressure(files, tmp_path):
     assert abs(found["top_bar"] - 3.0) < 0.01
     own = LoadCalibration.read(tmp_path / "out").answered
     np.testing.assert_array_equal(np.flatnonzero(own), held)
+    # Taxels without a load are sound, as far as is known; a calibration of a third is refused.
+    assert (found["status"], found["dead"], found["stray"]) == ("ok", [], [])
+    np.testing.assert_array_equal(found["unloaded"], np.arange(1, 24, 2))
+    files("mass.npz", drop=("pressure_bar",), **(named | {"footprint": held[:8]}))
+    found = json.loads(run(*words, "--area-mm2", area, "--force", code=3).stdout)
+    assert found["status"] == "low_coverage"
+    assert "on 16 of 24 taxels" in found["reasons"][0]
 
 
 @pytest.mark.parametrize("scale", [102.0, 1000.0], ids=["grams", "millinewtons"])
