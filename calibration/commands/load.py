@@ -143,7 +143,7 @@ def load(output: Outputs, **given: Any) -> None:
     the frame of its link (needs --part). A file of `prints (k,)` [mm2] beside it, with the touch
     of each row in `events (t,)`, teaches areas (needs --part). `reference_times (u,)` may be absent
     where both have the same nominal rate. CSV: a column `time`, one reference, every other column
-    a channel.
+    a channel. Masses and load cells need .npz, which names their channels.
 
     \b
     Example:  skinmap calibrate load calibration.npz -o load
@@ -275,7 +275,9 @@ def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
     if one.kind in FORCES:
         if one.channels is None and one.kind != "stand":
             names = "`footprint (k,)`" if one.kind == "mass_kg" else "`channels (k,)`"
-            raise DataFormatError(f"{one.kind} needs {names}: the channels that carry it", path)
+            words = "" if path.suffix == ".npz" else "; only an .npz file can hold them"
+            words = f"{one.kind} needs {names}: the channels that carry it{words}"
+            raise DataFormatError(words, path)
         if area_mm2 is None:
             raise DataFormatError(f"{one.kind} needs --area-mm2, the area of a taxel", path)
         count = one.samples.shape[1] if one.channels is None else len(one.channels)

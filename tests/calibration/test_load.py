@@ -389,6 +389,11 @@ def test_tables_are_read(tmp_path, files):
     np.savetxt(tmp_path / "own.csv", table, delimiter=",", header=head, comments="", fmt="%.4f")
     words = ("calibrate", "load", tmp_path / "own.csv", "-o", tmp_path / "out", "--json")
     assert json.loads(run(*words).stdout)["answered"] == N - 2
+    head = head.replace("pressure_bar", "force_n")
+    np.savetxt(tmp_path / "cell.csv", table, delimiter=",", header=head, comments="", fmt="%.4f")
+    line = refused("calibrate", "load", tmp_path / "cell.csv", "-o", tmp_path / "cell")
+    assert "needs `channels (k,)`" in line
+    assert "only an .npz file" in line
 
 
 def bag(path, topics):
