@@ -30,7 +30,7 @@ from calibration.response.load_fit import (
     best_mean,
     check_lines,
 )
-from skinmap.arrays import FloatArray
+from skinmap.arrays import BoolArray, FloatArray
 from skinmap.clock_lines import align, reference_at
 from skinmap.errors import InvalidArrayError
 from skinmap.io.recordings.load_evidence import LoadEvidence
@@ -38,7 +38,15 @@ from skinmap.live.contacts.contact_forces import FELT, SPREAD, PartForces
 from skinmap.live.response.loads import heaviest_load
 from skinmap.memory_features import FEATURES
 from skinmap.skin.skin import Skin
-from skinmap.touch.load_calibration import NORMAL_90, REST_DOUBT, ROUND, Covering, LoadCalibration
+from skinmap.touch.load_calibration import (
+    GAIN_SD,
+    NORMAL_90,
+    REST_DOUBT,
+    ROUND,
+    WANDER,
+    Covering,
+    LoadCalibration,
+)
 from skinmap.touch.prepared_skin import PreparedSkin
 
 HELD = (0.003, 0.03, 0.3, 3.0, 30.0)  # tried: of the mean square of a taxel's own force
@@ -201,6 +209,7 @@ def _gains(square: FloatArray, toward: FloatArray, common: float, held: float) -
 LEAST = 5  # prints that are needed
 VARIED = 1.5  # largest print over the smallest from which the spread is found beside the gain
 FELT_COUNTS = 3.0  # that a taxel of a touch moves by at least
+DAYS = 8  # that are drawn for each print
 WORST = 1.0  # scatter of the logarithm of areas from which prints are refused
 
 
@@ -240,7 +249,7 @@ def fit_prints(
         raise InvalidArrayError(
             f"{evidence[0].name}: {len(pairs)} prints are felt, {LEAST} are needed"
         )
-    guess, true = pairs.T
+    guess, true, days = pairs[:, 0], pairs[:, 1], pairs[:, 2:]
     left = np.array([
         _predicted(guess[k], _fitted(np.delete(guess, k), np.delete(true, k))) / true[k]
         for k in range(len(true))
@@ -256,22 +265,46 @@ def fit_prints(
             "in mm2, one for each touch of `events`?"
         )
     error = float(np.median(np.abs(left - 1.0)))
+    # Prints of one session share its zero and gains: another day's area differs by them as well.
+    moved = np.log(_predicted(days, (gain, spread)) / _predicted(guess, (gain, spread))[:, None])
+    doubt = float(np.hypot(doubt, np.sqrt(np.nanmean(moved**2))))
     return PrintFit(Covering(spread, gain, doubt), len(true), error)
 
 
 def _felt(
     one: LoadEvidence, calibration: LoadCalibration, forces: PartForces
-) -> Iterator[tuple[float, float]]:
-    """Area of the pressed taxels, and of the print, for each touch that is felt [m2]."""
-    found = calibration.pressures(one.samples, one.times)
+) -> Iterator[tuple[float, ...]]:
+    """Area of the pressed taxels, of the print, and the first on `DAYS` others, of each touch [m2].
+
+    Touches that are not felt are left out; days on which one is not are NaN.
+    """
+    found = np.stack(calibration.pressures(one.samples, one.times))
+    rng = np.random.default_rng(0)
     for k, area in enumerate(1e-6 * one.reference):
-        rows = np.flatnonzero(one.events == k)
-        highest = found[0][rows].max(axis=0, initial=0.0)
+        own = found[:, one.events == k]
+        highest = own[0].max(axis=0, initial=0.0)
         taxels = highest > max(FELT * np.nanmax(highest), FELT_COUNTS * calibration.count_bar)
-        if taxels.any():
-            load = heaviest_load(forces, calibration, found, rows, taxels)
-            if not load.refused:
-                yield load.area.value, float(area)
+        felt = _area(own, calibration, forces, taxels) if taxels.any() else np.nan
+        if np.isnan(felt):
+            continue
+        days, half = [], own[2] - own[0]
+        # A shared shift is taken over only as far as it exceeds its doubt: at most that is left.
+        for shared in rng.uniform(-calibration.doubt, calibration.doubt, DAYS):
+            gains, zeros = rng.normal(0.0, 1.0, (2, len(calibration)))
+            zeros = shared + WANDER * calibration.count_bar * zeros
+            other = np.maximum(own[0] * (1.0 + GAIN_SD * gains) + zeros, 0.0)
+            other = np.stack([other, np.maximum(other - half, 0.0), other + half])
+            days.append(_area(other, calibration, forces, taxels))
+        yield felt, float(area), *days
+
+
+def _area(
+    found: FloatArray, calibration: LoadCalibration, forces: PartForces, taxels: BoolArray
+) -> float:
+    """Area of one touch on some taxels (n,) by values, low and high (3, t, n) [bar]."""
+    every = np.arange(found.shape[1])
+    load = heaviest_load(forces, calibration, (found[0], found[1], found[2]), every, taxels)
+    return float("nan") if load.refused else load.area.value
 
 
 def _fitted(guess: FloatArray, true: FloatArray) -> tuple[float, float]:
