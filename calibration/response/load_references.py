@@ -52,6 +52,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 HELD = (0.003, 0.03, 0.3, 3.0, 30.0)  # tried: of the mean square of a taxel's own force
 PASCALS = 1e5  # a bar
 IDLE = 0.02  # of the range of the force: below it nothing is touched
+HARDEST = 0.95  # share of the touched taxels whose highest counts lie below the range of all
 PRESSED = 0.1  # of its span: a taxel above it is pressed
 COUNT_NOISE = 0.5  # counts
 
@@ -126,6 +127,11 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
     pressed = felt > PRESSED * np.abs(span[touched])
     level = np.sqrt((felt**2 * pressed).sum(axis=0) / np.maximum(pressed.sum(axis=0), 1))
     away_share = np.hypot(spread, gains * np.sqrt(left / power))
+    # One shape for all: a taxel that was touched lightly answers as far as those touched hard do,
+    # and the doubt of its gain grows with its range.
+    wide = np.maximum(np.abs(span[touched]), np.quantile(np.abs(span[touched]), HARDEST))
+    level *= wide / np.abs(span[touched])
+    span[touched] = np.sign(span[touched]) * wide
     own_error = np.full(n, np.nan)
     own_error[touched] = np.hypot(away_share * level, COUNT_NOISE * gains)
     weights = np.full((n, FEATURES), np.nan)
