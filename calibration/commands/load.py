@@ -165,7 +165,13 @@ def work(
     """Fit the pressures of a skin."""
     from calibration.response.load_fit import fit_load
     from calibration.response.load_references import fit_prints, fit_wrench
-    from skinmap.io.recordings.load_evidence import FORCES, PRINTS, check_bar, read_evidence
+    from skinmap.io.recordings.load_evidence import (
+        FORCES,
+        PRINTS,
+        WRENCH,
+        check_bar,
+        read_evidence,
+    )
     from skinmap.skin.skin import fingerprint
     from skinmap.touch.load_calibration import UNEVEN
 
@@ -182,13 +188,13 @@ def work(
     marks = "" if skin is None else fingerprint(skin)
     when = max(path.stat().st_mtime for path in evidence)
     if any(one.reference.ndim == 2 for one in pressed):
-        if skin is None or len(pressed) > 1:
-            raise DataFormatError(
-                "a wrench is fitted alone and needs --part: its sum goes over the mesh of a part",
-                evidence[0],
-            )
+        path = next(own for one, own in loads if one.kind == WRENCH)
+        if skin is None:
+            raise DataFormatError("a wrench needs --part: its sum goes over the mesh", path)
+        if len(pressed) > 1:
+            raise DataFormatError("a wrench is fitted alone, without other files of loads", path)
         if pressed[0].thermal is not None:
-            raise DataFormatError("a wrench is fitted without temperature_channel", evidence[0])
+            raise DataFormatError("a wrench is fitted without temperature_channel", path)
         fit = fit_wrench(pressed[0], skin, when=when, fingerprint=marks)
         check_bar(float(fit.calibration.top.max()), loads[0][0].kind, loads[0][1])
     else:
@@ -321,7 +327,8 @@ def _lines(result: LoadResult) -> Iterator[str]:
             f"by the others), pressure spreads by {result.spread_mm:.1f} mm"
         )
     yield f"left out, dead: {first_few(result.dead, MAX_NAMED) or 'none'}"
-    yield f"left out, do not follow: {first_few(result.stray, MAX_NAMED) or 'none'}"
+    stray = first_few(result.stray, MAX_NAMED) or "none"
+    yield f"left out, do not follow or are saturated: {stray}"
     yield f"left out, no load on them: {first_few(result.unloaded, MAX_NAMED) or 'none'}"
 
 

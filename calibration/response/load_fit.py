@@ -298,10 +298,22 @@ def _aligned(one: Pressed) -> tuple[ClockLine, ...]:
     own = one.samples if one.channels is None else one.samples[:, one.channels]
     try:
         lines = align(own, one.reference, rate=one.rate)
+        check_lines(one.name, lines)
     except InvalidArrayError as error:
-        raise InvalidArrayError(f"{one.name}: {error}") from error
-    check_lines(one.name, lines)
+        words = str(error).removeprefix(f"{one.name}: ")
+        raise InvalidArrayError(f"{one.name}: {words}{_at_one_end(own)}") from error
     return lines
+
+
+def _at_one_end(samples: FloatArray) -> str:
+    """A hint where most channels that move stand at one of their ends in many rows."""
+    few = samples[:: max(1, len(samples) // MOST_ROWS)]
+    few = few[:, few.std(axis=0) > LEAST_SPREAD]
+    stand = np.maximum(*((few == end).mean(axis=0) for end in (few.min(axis=0), few.max(axis=0))))
+    count = int((stand > FULL_ROWS).sum())
+    if not 2 * count > few.shape[1]:
+        return ""
+    return f"; {count} of {few.shape[1]} channels stand at one end of their counts: saturated?"
 
 
 def check_lines(name: str, lines: tuple[ClockLine, ...]) -> None:
@@ -310,7 +322,8 @@ def check_lines(name: str, lines: tuple[ClockLine, ...]) -> None:
         raise InvalidArrayError(
             f"{name}: the clocks do not align: at the best lag the skin explains "
             f"{100 * (1 - lines[0].unexplained):.0f} % of the reference, "
-            f"{100 * (1 - UNEXPLAINED):.0f} % are needed"
+            f"{100 * (1 - UNEXPLAINED):.0f} % are needed; without reference_times the rates of "
+            "both are the same"
         )
 
 

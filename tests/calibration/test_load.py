@@ -269,6 +269,8 @@ def test_commands_from_evidence_to_predictions(files, tmp_path):
             for name in ("pressure_bar", "low", "high", "times"):
                 np.testing.assert_array_equal(before[name], after[name])
             assert before["pressure_bar"].shape == (9000, N)
+    shown = CliRunner().invoke(cli, [str(one) for one in words[:5]]).stdout
+    assert "other.npz: not judged: at the best lag" in shown
     kept = LoadCalibration.read(out)
     zeroed = json.loads(run("calibrate", "rest", other, "-o", out, "--json").stdout)
     assert abs(zeroed["shared_bar"] - 0.2) < 0.08
@@ -362,6 +364,7 @@ def test_a_load_cell_reads_zero_at_rest_and_its_contact_is_uneven(files, tmp_pat
         ({"pressure_bar": np.r_[np.nan, np.ones(8999)]}, (), "NaN or infinity, first in row 0"),
         ({"channels": np.arange(12)}, (), "12 of 24 channels"),
         ({"samples": np.maximum(chamber(1)[0], 210)}, (), "are saturated"),
+        ({"samples": np.maximum(chamber(1)[0], 228)}, (), "23 channels stand at one end"),
     ],
 )
 def test_bad_evidence_is_one_line(files, tmp_path, arrays, drop, words):

@@ -99,3 +99,12 @@ def test_a_wrench_that_cannot_be_used_is_one_line(evidence, tmp_path, wrench, wo
     result = run(tmp_path / "bad.npz", *words, "-o", tmp_path / "out")
     assert said in str(result.exception)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_wrench_beside_another_load_is_named(evidence, skin, tmp_path):
+    load = pressed(skin, 5)[1]
+    np.savez(tmp_path / "chamber.npz", samples=load, times=np.arange(len(load)) / RATE,
+             pressure_bar=np.linspace(0, 2, len(load)))  # fmt: skip
+    result = run(tmp_path / "chamber.npz", evidence, "--part", "left_forearm", "-o", "none")
+    assert "wrench.npz" in str(result.exception)
+    assert "fitted alone" in str(result.exception)

@@ -110,7 +110,7 @@ def _beside(
     try:
         lines = align(one.samples, reference, rate=one.rate)
     except InvalidArrayError:
-        return None, None, None
+        return None, None, 1.0
     if lines[0].unexplained > UNEXPLAINED:
         return None, None, lines[0].unexplained
     wanted = reference_at(lines, reference, len(one.samples))[even.rows]
@@ -144,12 +144,24 @@ def lines(result: LoadsResult) -> Iterator[str | Table]:
         [
             row.recording, words(row.rms_bar), percent(row.holds), words(row.width_bar),
             percent(row.refused), row.answered,
-            "its own" if row.zeroed else "the calibration's",
+            _zero_words(row),
         ]
         for row in result.rows
     ]  # fmt: skip
     heads = ["recording", "error [bar]", "inside 90 % [%]", "width [bar]", "refused [%]"]
     yield Table([*heads, "taxels that answer", "zero"], rows)
+    for row in result.rows:
+        if row.rms_bar is None and row.unexplained is not None:
+            yield (
+                f"{row.recording}: not judged: at the best lag {percent(row.unexplained)} % of its "
+                "reference are not explained by the samples"
+            )
+
+
+def _zero_words(row: LoadRow) -> str:
+    if row.zeroed or row.zero_age_seconds is None:
+        return "its own" if row.zeroed else "the calibration's"
+    return f"the calibration's, {row.zero_age_seconds / 3600.0:.1f} h old"
 
 
 EVALUATIONS = {"load": Evaluation(work, lines, ZeroSetting)}
