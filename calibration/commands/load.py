@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from skinmap.io.recordings.load_evidence import LoadEvidence
 
 MAX_NAMED = 40  # taxels left out that words name
+MOST_UNLOADED = 0.5  # of all taxels: with more that no evidence pressed a calibration is refused
 DRAWN = 40  # points of a curve
 DRAWN_ROWS = 30_000  # the first of a recording: intervals of all would fill the memory
 
@@ -60,6 +61,8 @@ class LoadResult(Calibrated):
         All, and those whose pressure is known.
     dead, stray
         Channels that never moved, and that did not follow the others: left out of all sums.
+    unloaded
+        Channels that no evidence pressed: left out as well, though they may be sound.
     model
         Step of the ladder that did best on held-out stretches: `linear`, `cubic`, `hysteresis`.
     mean_s
@@ -102,6 +105,7 @@ class LoadResult(Calibrated):
     answered: int
     dead: list[int]
     stray: list[int]
+    unloaded: list[int]
     model: str
     mean_s: float
     held_out_bar: dict[str, float]
@@ -139,7 +143,7 @@ def load(output: Outputs, **given: Any) -> None:
     the frame of its link (needs --part). A file of `prints (k,)` [mm2] beside it, with the touch
     of each row in `events (t,)`, teaches areas (needs --part). `reference_times (u,)` may be absent
     where both have the same nominal rate. CSV: a column `time`, one reference, every other column
-    a channel.
+    a channel. Masses and load cells need .npz, which names their channels.
 
     \b
     Example:  skinmap calibrate load calibration.npz -o load
@@ -153,7 +157,13 @@ def work(
     """Fit the pressures of a skin."""
     from calibration.response.load_fit import fit_load
     from calibration.response.load_references import fit_prints, fit_wrench
-    from skinmap.io.recordings.load_evidence import FORCES, PRINTS, check_bar, read_evidence
+    from skinmap.io.recordings.load_evidence import (
+        FORCES,
+        PRINTS,
+        WRENCH,
+        check_bar,
+        read_evidence,
+    )
     from skinmap.skin.skin import fingerprint
     from skinmap.touch.load_calibration import UNEVEN
 
@@ -170,13 +180,13 @@ def work(
     marks = "" if skin is None else fingerprint(skin)
     when = max(path.stat().st_mtime for path in evidence)
     if any(one.reference.ndim == 2 for one in pressed):
-        if skin is None or len(pressed) > 1:
-            raise DataFormatError(
-                "a wrench is fitted alone and needs --part: its sum goes over the mesh of a part",
-                evidence[0],
-            )
+        path = next(own for one, own in loads if one.kind == WRENCH)
+        if skin is None:
+            raise DataFormatError("a wrench needs --part: its sum goes over the mesh", path)
+        if len(pressed) > 1:
+            raise DataFormatError("a wrench is fitted alone, without other files of loads", path)
         if pressed[0].thermal is not None:
-            raise DataFormatError("a wrench is fitted without temperature_channel", evidence[0])
+            raise DataFormatError("a wrench is fitted without temperature_channel", path)
         fit = fit_wrench(pressed[0], skin, when=when, fingerprint=marks)
         check_bar(float(fit.calibration.top.max()), loads[0][0].kind, loads[0][1])
     else:
@@ -191,14 +201,19 @@ def work(
             raise SkinMismatchError(words)
         prints = fit_prints(printed, fit.calibration, skin)
         fit = replace(fit, calibration=replace(fit.calibration, covering=prints.covering))
-    found = fit.calibration
+    found, reasons = fit.calibration, []
+    if len(fit.unloaded) > MOST_UNLOADED * counts[0]:
+        reasons = [
+            f"No load was on {len(fit.unloaded)} of {counts[0]} taxels: press the others too."
+        ]
     result = LoadResult(
-        status="ok",
-        reasons=[],
+        status="low_coverage" if reasons else "ok",
+        reasons=reasons,
         channels=counts[0],
         answered=int(found.answered.sum()),
         dead=fit.dead,
         stray=fit.stray,
+        unloaded=fit.unloaded,
         model=found.model,
         mean_s=found.mean_s,
         held_out_bar=fit.held_out,
@@ -248,20 +263,28 @@ def _top_newtons(loads: list[LoadEvidence]) -> float | None:
 
 def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
     """One file as a pressure on its channels."""
+    import numpy as np
+
     from calibration.response.load_fit import Pressed
     from skinmap.io.recordings.load_evidence import BAR, FORCES, check_bar
 
+    one, _, lost = one.on_even_rows()
     reference = one.on_nominal_rows()
     if one.kind in FORCES:
         if one.channels is None and one.kind != "stand":
             names = "`footprint (k,)`" if one.kind == "mass_kg" else "`channels (k,)`"
-            raise DataFormatError(f"{one.kind} needs {names}: the channels that carry it", path)
+            words = "" if path.suffix == ".npz" else "; only an .npz file can hold them"
+            words = f"{one.kind} needs {names}: the channels that carry it{words}"
+            raise DataFormatError(words, path)
         if area_mm2 is None:
             raise DataFormatError(f"{one.kind} needs --area-mm2, the area of a taxel", path)
         count = one.samples.shape[1] if one.channels is None else len(one.channels)
         reference = reference / (area_mm2 * 1e-6 * count) * BAR
         check_bar(float(reference.max()), one.kind, path)
-    return Pressed(one.name, one.samples, one.rate, reference, one.channels, one.thermal)
+    channels = one.channels
+    if one.kind in FORCES and channels is None:  # a person stands on all of them, unevenly
+        channels = np.arange(one.samples.shape[1])
+    return Pressed(one.name, one.samples, one.rate, reference, channels, one.thermal, lost)
 
 
 def _write(fit: LoadFit, _: list[Pressed], folder: Path) -> list[str]:
@@ -296,7 +319,9 @@ def _lines(result: LoadResult) -> Iterator[str]:
             f"by the others), pressure spreads by {result.spread_mm:.1f} mm"
         )
     yield f"left out, dead: {first_few(result.dead, MAX_NAMED) or 'none'}"
-    yield f"left out, do not follow: {first_few(result.stray, MAX_NAMED) or 'none'}"
+    stray = first_few(result.stray, MAX_NAMED) or "none"
+    yield f"left out, do not follow or are saturated: {stray}"
+    yield f"left out, no load on them: {first_few(result.unloaded, MAX_NAMED) or 'none'}"
 
 
 def _page(fit: LoadFit, pressed: list[Pressed], result: LoadResult) -> str:

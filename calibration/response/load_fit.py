@@ -41,6 +41,9 @@ LEAST_SPREAD = 0.5  # counts: below it a taxel is dead
 AT_REST = 0.05  # share of the range of a load that a reference may stand off at rest
 SEEN_AT_REST = 0.02  # of it, that is not worth a note: noise and creep
 WARMER = 0.8  # of the square of what rest wanders, that may be left with a temperature
+APART, LEAST_ALIKE = 0.13, 8  # standard deviation of the ratios of gains in two recordings above
+# which their taxels are not the same (at most .075 over days of an insole), and taxels it needs
+HALF_INSIDE = 0.6745  # standard deviations either way that hold half
 FULL_ROWS, FULL_RANGE = 0.1, 0.3  # a taxel is saturated that stands still at its end in so many
 # rows while the load goes through so much of its range
 # Ridge a row: of the cubic, the plays and the slow means.
@@ -65,6 +68,8 @@ class Pressed:
         Which channels felt it; all without.
     thermal : (n,) array of int, optional
         Channel with the temperature of each channel's module, -1 for none.
+    lost : (t,) array of bool, optional
+        Rows without a sample of their own, which teach nothing.
     """
 
     name: str
@@ -73,6 +78,7 @@ class Pressed:
     reference: FloatArray
     channels: IntArray | None = None
     thermal: IntArray | None = None
+    lost: BoolArray | None = None
 
 
 class Sums(NamedTuple):
@@ -101,6 +107,8 @@ class LoadFit:
         Median error of each model on held-out stretches [bar].
     dead, stray : (k,) int
         Taxels that never moved, and that did not follow the skin.
+    unloaded : (k,) int
+        Taxels that no evidence pressed.
     shared : int
         Taxels that took the shape of all.
     at_rest : list of float
@@ -114,6 +122,7 @@ class LoadFit:
     stray: list[int]
     shared: int
     at_rest: list[float] = field(default_factory=list)
+    unloaded: list[int] = field(default_factory=list)
 
 
 def fit_load(
@@ -163,6 +172,8 @@ def fit_load(
         reference_at(line, one.reference, len(one.samples))
         for one, line in zip(evidence, lines, strict=True)
     ]
+    for one, reference in zip(evidence, wanted, strict=True):
+        reference[np.zeros(len(reference), bool) if one.lost is None else one.lost] = np.nan
     warmth = _warmth(evidence, wanted)
     if warmth is not None:
         evidence = [replace(one, samples=warmth.corrected(one.samples)) for one in evidence]
@@ -213,7 +224,14 @@ def fit_load(
         top=np.nanmax([np.nanmax(one) for one in wanted]), rested=rested, rate=first.rate,
         when=when, area_mm2=area_mm2, fingerprint=fingerprint, mean_s=mean_s,
     )  # fmt: skip
-    fit = replace(fit, at_rest=at_rest)
+    felt = np.any([_felt(one, n) for one in evidence], axis=0)
+    fit = replace(
+        fit,
+        at_rest=at_rest,
+        dead=[k for k in fit.dead if felt[k]],
+        stray=[k for k in fit.stray if felt[k]],
+        unloaded=np.flatnonzero(~felt).tolist(),
+    )
     if warmth is None:
         return fit
     stray = sorted({*fit.stray} - {*warmth.channel.tolist()})
@@ -280,10 +298,22 @@ def _aligned(one: Pressed) -> tuple[ClockLine, ...]:
     own = one.samples if one.channels is None else one.samples[:, one.channels]
     try:
         lines = align(own, one.reference, rate=one.rate)
+        check_lines(one.name, lines)
     except InvalidArrayError as error:
-        raise InvalidArrayError(f"{one.name}: {error}") from error
-    check_lines(one.name, lines)
+        words = str(error).removeprefix(f"{one.name}: ")
+        raise InvalidArrayError(f"{one.name}: {words}{_at_one_end(own)}") from error
     return lines
+
+
+def _at_one_end(samples: FloatArray) -> str:
+    """A hint where most channels that move stand at one of their ends in many rows."""
+    few = samples[:: max(1, len(samples) // MOST_ROWS)]
+    few = few[:, few.std(axis=0) > LEAST_SPREAD]
+    stand = np.maximum(*((few == end).mean(axis=0) for end in (few.min(axis=0), few.max(axis=0))))
+    count = int((stand > FULL_ROWS).sum())
+    if not 2 * count > few.shape[1]:
+        return ""
+    return f"; {count} of {few.shape[1]} channels stand at one end of their counts: saturated?"
 
 
 def check_lines(name: str, lines: tuple[ClockLine, ...]) -> None:
@@ -292,7 +322,8 @@ def check_lines(name: str, lines: tuple[ClockLine, ...]) -> None:
         raise InvalidArrayError(
             f"{name}: the clocks do not align: at the best lag the skin explains "
             f"{100 * (1 - lines[0].unexplained):.0f} % of the reference, "
-            f"{100 * (1 - UNEXPLAINED):.0f} % are needed"
+            f"{100 * (1 - UNEXPLAINED):.0f} % are needed; without reference_times the rates of "
+            "both are the same"
         )
 
 
@@ -536,9 +567,19 @@ def _agree(evidence: Sequence[Pressed], sums: Sequence[Sums], told: BoolArray) -
                 continue
             heights = np.array([1.0, 0.5, 0.25, 0.125])
             pair = np.array([[one[k][:4] @ heights for one in (first, curves[j])] for k in both])
-            ratio = float(np.median(pair[:, 1] / np.maximum(pair[:, 0], 1e-9)))
+            each = np.maximum(pair[:, 1], 1e-9) / np.maximum(pair[:, 0], 1e-9)
+            ratio = float(np.median(each))
             if not 0.5 < ratio < 2.0:
                 raise InvalidArrayError(
                     f"{evidence[i].name} and {evidence[j].name} contradict each other: where the "
                     f"first reads 1 bar, the second reads {ratio:.2g} bar at the same counts"
+                )
+            # Forces press unevenly, each time elsewhere: only a chamber shows gains of taxels.
+            even = evidence[i].channels is None and evidence[j].channels is None
+            apart = float(np.median(np.abs(np.log(each / ratio)))) / HALF_INSIDE
+            if even and len(both) >= LEAST_ALIKE and apart > APART:
+                raise InvalidArrayError(
+                    f"{evidence[i].name} and {evidence[j].name} contradict each other: gains of "
+                    f"the taxels differ by {100 * apart:.0f} % from one to the other, those of one "
+                    f"skin by {100 * APART:.0f} % at most: are their channels in the same order?"
                 )

@@ -30,7 +30,7 @@ from calibration.response.load_fit import (
     best_mean,
     check_lines,
 )
-from skinmap.arrays import FloatArray
+from skinmap.arrays import BoolArray, FloatArray
 from skinmap.clock_lines import align, reference_at
 from skinmap.errors import InvalidArrayError
 from skinmap.io.recordings.load_evidence import LoadEvidence
@@ -38,12 +38,21 @@ from skinmap.live.contacts.contact_forces import FELT, SPREAD, PartForces
 from skinmap.live.response.loads import heaviest_load
 from skinmap.memory_features import FEATURES
 from skinmap.skin.skin import Skin
-from skinmap.touch.load_calibration import NORMAL_90, REST_DOUBT, ROUND, Covering, LoadCalibration
+from skinmap.touch.load_calibration import (
+    GAIN_SD,
+    NORMAL_90,
+    REST_DOUBT,
+    ROUND,
+    WANDER,
+    Covering,
+    LoadCalibration,
+)
 from skinmap.touch.prepared_skin import PreparedSkin
 
 HELD = (0.003, 0.03, 0.3, 3.0, 30.0)  # tried: of the mean square of a taxel's own force
 PASCALS = 1e5  # a bar
 IDLE = 0.02  # of the range of the force: below it nothing is touched
+HARDEST = 0.95  # share of the touched taxels whose highest counts lie below the range of all
 PRESSED = 0.1  # of its span: a taxel above it is pressed
 COUNT_NOISE = 0.5  # counts
 
@@ -81,6 +90,7 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
     check_lines(one.name, lines)
     wrench = np.column_stack([reference_at(lines, c, len(counts)) for c in one.reference.T])
     known = np.isfinite(wrench).all(axis=1)
+    known &= True if one.lost is None else ~one.lost
     idle = active[:, 0] <= np.quantile(active, 0.02) + IDLE * np.ptp(active)
     rest = np.median(counts[idle], axis=0)
     wrench -= np.median(wrench[idle & known], axis=0)
@@ -117,6 +127,11 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
     pressed = felt > PRESSED * np.abs(span[touched])
     level = np.sqrt((felt**2 * pressed).sum(axis=0) / np.maximum(pressed.sum(axis=0), 1))
     away_share = np.hypot(spread, gains * np.sqrt(left / power))
+    # One shape for all: a taxel that was touched lightly answers as far as those touched hard do,
+    # and the doubt of its gain grows with its range.
+    wide = np.maximum(np.abs(span[touched]), np.quantile(np.abs(span[touched]), HARDEST))
+    level *= wide / np.abs(span[touched])
+    span[touched] = np.sign(span[touched]) * wide
     own_error = np.full(n, np.nan)
     own_error[touched] = np.hypot(away_share * level, COUNT_NOISE * gains)
     weights = np.full((n, FEATURES), np.nan)
@@ -130,10 +145,11 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
         shift=np.zeros(n), zeroed=when, fingerprint=fingerprint, mean_s=mean_s,
     )  # fmt: skip
     dead = np.ptp(ends, axis=0) < 1
+    idle_ones = ~touched & ~dead & (np.ptp(ends, axis=0) < 2 * LEAST_SPAN)  # noise alone
     return LoadFit(
         calibration, [lines], {"linear": float(np.median(own_error[touched]))},
-        np.flatnonzero(dead).tolist(), np.flatnonzero(~touched & ~dead).tolist(),
-        int((spread > 0.5 * gains).sum()),
+        np.flatnonzero(dead).tolist(), np.flatnonzero(~touched & ~dead & ~idle_ones).tolist(),
+        int((spread > 0.5 * gains).sum()), unloaded=np.flatnonzero(idle_ones).tolist(),
     )  # fmt: skip
 
 
@@ -199,6 +215,7 @@ def _gains(square: FloatArray, toward: FloatArray, common: float, held: float) -
 LEAST = 5  # prints that are needed
 VARIED = 1.5  # largest print over the smallest from which the spread is found beside the gain
 FELT_COUNTS = 3.0  # that a taxel of a touch moves by at least
+DAYS = 8  # that are drawn for each print
 WORST = 1.0  # scatter of the logarithm of areas from which prints are refused
 
 
@@ -238,7 +255,7 @@ def fit_prints(
         raise InvalidArrayError(
             f"{evidence[0].name}: {len(pairs)} prints are felt, {LEAST} are needed"
         )
-    guess, true = pairs.T
+    guess, true, days = pairs[:, 0], pairs[:, 1], pairs[:, 2:]
     left = np.array([
         _predicted(guess[k], _fitted(np.delete(guess, k), np.delete(true, k))) / true[k]
         for k in range(len(true))
@@ -254,22 +271,46 @@ def fit_prints(
             "in mm2, one for each touch of `events`?"
         )
     error = float(np.median(np.abs(left - 1.0)))
+    # Prints of one session share its zero and gains: another day's area differs by them as well.
+    moved = np.log(_predicted(days, (gain, spread)) / _predicted(guess, (gain, spread))[:, None])
+    doubt = float(np.hypot(doubt, np.sqrt(np.nanmean(moved**2))))
     return PrintFit(Covering(spread, gain, doubt), len(true), error)
 
 
 def _felt(
     one: LoadEvidence, calibration: LoadCalibration, forces: PartForces
-) -> Iterator[tuple[float, float]]:
-    """Area of the pressed taxels, and of the print, for each touch that is felt [m2]."""
-    found = calibration.pressures(one.samples, one.times)
+) -> Iterator[tuple[float, ...]]:
+    """Area of the pressed taxels, of the print, and the first on `DAYS` others, of each touch [m2].
+
+    Touches that are not felt are left out; days on which one is not are NaN.
+    """
+    found = np.stack(calibration.pressures(one.samples, one.times))
+    rng = np.random.default_rng(0)
     for k, area in enumerate(1e-6 * one.reference):
-        rows = np.flatnonzero(one.events == k)
-        highest = found[0][rows].max(axis=0, initial=0.0)
+        own = found[:, one.events == k]
+        highest = own[0].max(axis=0, initial=0.0)
         taxels = highest > max(FELT * np.nanmax(highest), FELT_COUNTS * calibration.count_bar)
-        if taxels.any():
-            load = heaviest_load(forces, calibration, found, rows, taxels)
-            if not load.refused:
-                yield load.area.value, float(area)
+        felt = _area(own, calibration, forces, taxels) if taxels.any() else np.nan
+        if np.isnan(felt):
+            continue
+        days, half = [], own[2] - own[0]
+        # A shared shift is taken over only as far as it exceeds its doubt: at most that is left.
+        for shared in rng.uniform(-calibration.doubt, calibration.doubt, DAYS):
+            gains, zeros = rng.normal(0.0, 1.0, (2, len(calibration)))
+            zeros = shared + WANDER * calibration.count_bar * zeros
+            other = np.maximum(own[0] * (1.0 + GAIN_SD * gains) + zeros, 0.0)
+            other = np.stack([other, np.maximum(other - half, 0.0), other + half])
+            days.append(_area(other, calibration, forces, taxels))
+        yield felt, float(area), *days
+
+
+def _area(
+    found: FloatArray, calibration: LoadCalibration, forces: PartForces, taxels: BoolArray
+) -> float:
+    """Area of one touch on some taxels (n,) by values, low and high (3, t, n) [bar]."""
+    every = np.arange(found.shape[1])
+    load = heaviest_load(forces, calibration, (found[0], found[1], found[2]), every, taxels)
+    return float("nan") if load.refused else load.area.value
 
 
 def _fitted(guess: FloatArray, true: FloatArray) -> tuple[float, float]:

@@ -46,6 +46,7 @@ SHRINK = 0.6  # of the error of the best curve without memory: a shared shift be
 STILL_COUNTS, STILL_LOADED = 1.5, 0.3  # a taxel is stuck that moves less while others moved so far
 REST_FAR, REST_CALM = 0.12, 0.03  # of a session's range: how far rest may lie up, how far it moves
 TOUCHED = 12.0  # counts above its first rest at which a taxel is touched
+SAME_STEP = 0.05  # by which the usual step of rows may differ from that over two seconds
 REST_SECONDS, REST_MOST = 0.8, 10.0  # of rest that is needed, and that is looked at
 
 
@@ -508,7 +509,11 @@ def rate_of_times(times: ArrayLike | None, count: int) -> float | None:
     if len(steps) and not (steps >= 0).all():
         row = int(np.argmax(steps < 0)) + 1
         raise InvalidArrayError(f"times must not fall, row {row} does")
-    step = float(np.median(steps)) if len(steps) else 0.0
+    usual = float(np.median(steps)) if len(steps) else 0.0
+    # Rows in bursts, or under a coarse clock, have no step of their own: over two seconds they do.
+    wide = min(max(20, round(2.0 * len(steps) / max(found[-1] - found[0], 1e-9))), len(steps))
+    step = float(np.median(found[wide:] - found[:-wide])) / wide if wide else 0.0
+    step = usual if abs(usual - step) < SAME_STEP * step else step
     if step <= 0:
         raise InvalidArrayError("times stand still: at least two samples a second are needed")
     return 1.0 / step

@@ -214,6 +214,16 @@ def test_falling_and_rising_counts_contradict_each_other():
         )
 
 
+def test_channels_in_another_order_contradict_each_other():
+    samples, pressure = chamber(1)
+    other, more = chamber(2)
+    evidence = [Pressed("a.npz", samples, RATE, pressure), Pressed("b.npz", other, RATE, more)]
+    fit_load(evidence)
+    evidence[1] = replace(evidence[1], samples=other[:, ::-1])
+    with pytest.raises(InvalidArrayError, match=r"a\.npz and b\.npz .* in the same order"):
+        fit_load(evidence)
+
+
 def test_files_come_back(fit, tmp_path):
     file = tmp_path / "load.npz"
     file.write_bytes(fit.calibration.to_bytes())
@@ -247,6 +257,10 @@ def test_commands_from_evidence_to_predictions(files, tmp_path):
     assert row["rms_bar"] < 0.12
     assert row["holds"] > 0.85
     assert {"recording", "width_bar", "refused"} <= set(row)
+    noise = np.random.default_rng(3).normal(0, 0.003, 9000)  # of the reference at rest
+    files("other.npz", 2, shift=0.2, pressure_bar=chamber(2)[1] + noise)
+    (noisy,) = json.loads(run(*words, second).stdout)["rows"]
+    assert noisy["holds"] > row["holds"] - 0.01
     for pressure in (np.zeros(9000), np.random.default_rng(0).uniform(0, 3, 9000)):
         files("other.npz", 2, shift=0.2, pressure_bar=pressure)
         (row,) = json.loads(run(*words, second, "--force").stdout)["rows"]
@@ -255,6 +269,8 @@ def test_commands_from_evidence_to_predictions(files, tmp_path):
             for name in ("pressure_bar", "low", "high", "times"):
                 np.testing.assert_array_equal(before[name], after[name])
             assert before["pressure_bar"].shape == (9000, N)
+    shown = CliRunner().invoke(cli, [str(one) for one in words[:5]]).stdout
+    assert "other.npz: not judged: at the best lag" in shown
     kept = LoadCalibration.read(out)
     zeroed = json.loads(run("calibrate", "rest", other, "-o", out, "--json").stdout)
     assert abs(zeroed["shared_bar"] - 0.2) < 0.08
@@ -283,6 +299,13 @@ def test_a_mass_on_its_footprint_is_a_pressure(files, tmp_path):
     assert abs(found["top_bar"] - 3.0) < 0.01
     own = LoadCalibration.read(tmp_path / "out").answered
     np.testing.assert_array_equal(np.flatnonzero(own), held)
+    # Taxels without a load are sound, as far as is known; a calibration of a third is refused.
+    assert (found["status"], found["dead"], found["stray"]) == ("ok", [], [])
+    np.testing.assert_array_equal(found["unloaded"], np.arange(1, 24, 2))
+    files("mass.npz", drop=("pressure_bar",), **(named | {"footprint": held[:8]}))
+    found = json.loads(run(*words, "--area-mm2", area, "--force", code=3).stdout)
+    assert found["status"] == "low_coverage"
+    assert "on 16 of 24 taxels" in found["reasons"][0]
 
 
 @pytest.mark.parametrize("scale", [102.0, 1000.0], ids=["grams", "millinewtons"])
@@ -341,6 +364,7 @@ def test_a_load_cell_reads_zero_at_rest_and_its_contact_is_uneven(files, tmp_pat
         ({"pressure_bar": np.r_[np.nan, np.ones(8999)]}, (), "NaN or infinity, first in row 0"),
         ({"channels": np.arange(12)}, (), "12 of 24 channels"),
         ({"samples": np.maximum(chamber(1)[0], 210)}, (), "are saturated"),
+        ({"samples": np.maximum(chamber(1)[0], 228)}, (), "23 channels stand at one end"),
     ],
 )
 def test_bad_evidence_is_one_line(files, tmp_path, arrays, drop, words):
@@ -368,6 +392,11 @@ def test_tables_are_read(tmp_path, files):
     np.savetxt(tmp_path / "own.csv", table, delimiter=",", header=head, comments="", fmt="%.4f")
     words = ("calibrate", "load", tmp_path / "own.csv", "-o", tmp_path / "out", "--json")
     assert json.loads(run(*words).stdout)["answered"] == N - 2
+    head = head.replace("pressure_bar", "force_n")
+    np.savetxt(tmp_path / "cell.csv", table, delimiter=",", header=head, comments="", fmt="%.4f")
+    line = refused("calibrate", "load", tmp_path / "cell.csv", "-o", tmp_path / "cell")
+    assert "needs `channels (k,)`" in line
+    assert "only an .npz file" in line
 
 
 def bag(path, topics):
@@ -516,3 +545,40 @@ def test_a_touch_of_a_few_taxels_is_no_part_of_their_rest():
     level = np.median((counts - 10) / 100, axis=1)
     before, _ = calm_rests(counts, level, 50.0, up=np.ones(60))
     assert np.abs(before - 10).max() <= 1.0  # 80 before
+
+
+def test_times_explain_lost_rows_bursts_and_other_rates(files, tmp_path):
+    samples, _ = chamber(1)
+    rows = np.arange(9000)
+    once = {"pressure_bar": chamber(1)[1], "reference_times": rows / RATE}
+    plain = fit_error(files("plain.npz", **once), tmp_path)
+    gaps = (rows < 2000) | (rows > 2150)
+    gaps &= (rows < 5000) | (rows > 5400)
+    slower = (rows < 4000) | (rows % 2 == 0)
+    for kept in (gaps, slower):
+        file = files("lost.npz", samples=samples[kept], times=rows[kept] / RATE, **once)
+        assert fit_error(file, tmp_path) < 1.2 * plain
+    bursts = rows // 2 * 2 / RATE + rows % 2 * 0.001
+    assert fit_error(files("burst.npz", times=bursts, **once), tmp_path) < 1.2 * plain
+
+
+def fit_error(file, tmp_path):
+    """Median error [bar] of a fit on one file, whose clocks are one."""
+    words = ("calibrate", "load", file, "-o", tmp_path / "out", "--json", "--force")
+    found = json.loads(run(*words).stdout)
+    (clock,) = found["clocks"]
+    assert abs(clock["slope_percent"]) < 0.2
+    return found["error_bar"]["median"]
+
+
+def test_each_sample_has_one_prediction_where_rows_were_lost(files, tmp_path):
+    run("calibrate", "load", files("own.npz"), "-o", tmp_path / "out")
+    samples, pressure = chamber(2)
+    kept = (np.arange(9000) < 4000) | (np.arange(9000) > 4200)
+    file = files("lost.npz", samples=samples[kept], times=np.flatnonzero(kept) / RATE,
+                 pressure_bar=pressure[kept])  # fmt: skip
+    words = ("evaluate", "--protocol", "load", tmp_path / "out", file, "--json", "--predictions")
+    (row,) = json.loads(run(*words, tmp_path / "p.npz").stdout)["rows"]
+    assert row["rms_bar"] < 0.12
+    with np.load(tmp_path / "p.npz") as found:
+        assert found["pressure_bar"].shape == (kept.sum(), N)

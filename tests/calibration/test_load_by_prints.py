@@ -71,10 +71,17 @@ def run(folder, *words):
     )
 
 
-def judged(skin, calibration, seed=11):
-    """Relative errors of areas of other stamps, whether their intervals hold; errors of forces."""
+def judged(skin, calibration, seed=11, zero=0.0, gains=0.0):
+    """Relative errors of areas of other stamps, whether their intervals hold; errors of forces.
+
+    `zero` [counts] and the spread of `gains` are those of another day.
+    """
     samples, events, areas, pushes = stamps(skin, seed, 30)
-    found = calibration.pressures(samples)
+    gain = 1.0 + np.random.default_rng(seed).normal(0, gains, samples.shape[1])
+    samples = np.rint(240 + (samples - 240.0) * gain + zero)
+    if zero:
+        calibration = calibration.zero_at(samples[events < 0], 0.0)
+    found = calibration.pressures(samples, zero="none" if zero else "auto")
     forces = PartForces(PreparedSkin(skin), calibration.answered, calibration.covering)
     own = [np.flatnonzero(events == k) for k in range(len(areas))]
     ours = [
@@ -102,6 +109,8 @@ def test_prints_teach_areas_and_the_spread_of_the_foam(skin, tmp_path):
     assert np.median(taught[0]) < 0.15
     assert taught[1].mean() >= 0.85
     assert np.median(taught[2]) < np.median(plain[2]) + 0.01
+    other = judged(skin, LoadCalibration.read(tmp_path / "taught.d"), zero=-1.0, gains=0.037)
+    assert other[1].mean() >= 0.85  # 0.67 by the residual of the fit alone
 
 
 def test_prints_alone_of_no_part_or_of_other_touches_are_refused(skin, tmp_path):

@@ -74,6 +74,9 @@ def test_a_wrench_teaches_pressures_of_a_curved_part(evidence, skin, tmp_path):
     values, low, high = calibration.pressures(samples)
     use = np.isfinite(values) & (pressures > 0.05)
     assert ((low <= pressures) & (pressures <= high))[use].mean() > 0.85
+    # Taxels that were touched lightly answer as far as the others: 0.45 by their own counts alone.
+    again = own & (pressures > 0.3) & (pressures < 1.2)
+    assert np.isfinite(values)[again].mean() > 0.9
     control = values[use] / 2  # half of every gain is seen
     assert np.sqrt(np.mean((control - pressures[use]) ** 2)) > 1.1 * np.sqrt(
         np.mean((values[use] - pressures[use]) ** 2)
@@ -96,3 +99,12 @@ def test_a_wrench_that_cannot_be_used_is_one_line(evidence, tmp_path, wrench, wo
     result = run(tmp_path / "bad.npz", *words, "-o", tmp_path / "out")
     assert said in str(result.exception)
     assert not (tmp_path / "out").exists()
+
+
+def test_a_wrench_beside_another_load_is_named(evidence, skin, tmp_path):
+    load = pressed(skin, 5)[1]
+    np.savez(tmp_path / "chamber.npz", samples=load, times=np.arange(len(load)) / RATE,
+             pressure_bar=np.linspace(0, 2, len(load)))  # fmt: skip
+    result = run(tmp_path / "chamber.npz", evidence, "--part", "left_forearm", "-o", "none")
+    assert "wrench.npz" in str(result.exception)
+    assert "fitted alone" in str(result.exception)

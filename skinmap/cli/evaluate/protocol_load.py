@@ -17,7 +17,7 @@ from skinmap.rows import percent
 from skinmap.touch.load_calibration import LoadCalibration, Zero
 
 if TYPE_CHECKING:
-    from skinmap.io.recordings.load_evidence import LoadEvidence
+    from skinmap.io.recordings.load_evidence import EvenRows
 
 CALENDAR = 1e9  # times above it are seconds since 1970
 ROWS = 4000  # judged at once
@@ -46,8 +46,11 @@ def work(settings: Settings) -> LoadsResult:
     with progress(len(recordings), "load") as advance:
         for path in recordings:
             one = read_evidence(path, needed=False)
-            found = calibration.pressures(one.samples, one.times, zero=zero)
-            rows.append(_row(calibration, one, found, zero))
+            even = one.on_even_rows()
+            found = calibration.pressures(even.evidence.samples, even.evidence.times, zero=zero)
+            if even.evidence is not one:  # one row for each sample
+                found = found[0][even.rows], found[1][even.rows], found[2][even.rows]
+            rows.append(_row(calibration, even, found, zero))
             if settings.predictions is not None:
                 written.append((one.times, *found))
             advance(path.name)
@@ -70,17 +73,17 @@ def work(settings: Settings) -> LoadsResult:
 
 def _row(
     calibration: LoadCalibration,
-    one: LoadEvidence,
+    even: EvenRows,
     found: tuple[FloatArray, FloatArray, FloatArray],
     zero: Zero,
 ) -> LoadRow:
-    values, low, high = found
+    (values, low, high), one = found, even.evidence
     answered = np.isfinite(values)
     zeroed = calibration.session(calibration.cooled(one.samples), one.rate, zero=zero).zeroed
     start = float(one.times[0])
     age = 0.0 if zeroed else (start - calibration.zeroed if start > CALENDAR else None)
     width = float(np.nanmean(high - low)) if answered.any() else None
-    rms, holds, unexplained = _beside(one, found)
+    rms, holds, unexplained = _beside(even, found)
     return LoadRow(
         recording=one.name,
         rms_bar=rms,
@@ -95,21 +98,22 @@ def _row(
 
 
 def _beside(
-    one: LoadEvidence, found: tuple[FloatArray, FloatArray, FloatArray]
+    even: EvenRows, found: tuple[FloatArray, FloatArray, FloatArray]
 ) -> tuple[float | None, float | None, float | None]:
     """Error, share of intervals that hold, and what alignment leaves open; None without."""
     from skinmap.clock_lines import UNEXPLAINED, align, reference_at
 
+    one = even.evidence
     if not one.kind:
         return None, None, None
     reference = one.on_nominal_rows()
     try:
         lines = align(one.samples, reference, rate=one.rate)
     except InvalidArrayError:
-        return None, None, None
+        return None, None, 1.0
     if lines[0].unexplained > UNEXPLAINED:
         return None, None, lines[0].unexplained
-    wanted = reference_at(lines, reference, len(one.samples))
+    wanted = reference_at(lines, reference, len(one.samples))[even.rows]
     squares, counts, inside = 0.0, 0, 0
     for start in range(0, len(wanted), ROWS):
         values, low, high = (each[start : start + ROWS] for each in found)
@@ -117,7 +121,8 @@ def _beside(
         good = np.isfinite(values) & np.isfinite(true)
         squares = squares + np.where(good, (values - true) ** 2, 0.0).sum(axis=0)
         counts = counts + good.sum(axis=0)
-        inside += int((good & (low <= true) & (true <= high)).sum())
+        load = np.maximum(true, 0.0)  # a reference's noise at rest is no load below 0
+        inside += int((good & (low <= load) & (load <= high)).sum())
     own = np.asarray(counts) > 0
     if not own.any():
         return None, None, lines[0].unexplained
@@ -139,12 +144,24 @@ def lines(result: LoadsResult) -> Iterator[str | Table]:
         [
             row.recording, words(row.rms_bar), percent(row.holds), words(row.width_bar),
             percent(row.refused), row.answered,
-            "its own" if row.zeroed else "the calibration's",
+            _zero_words(row),
         ]
         for row in result.rows
     ]  # fmt: skip
     heads = ["recording", "error [bar]", "inside 90 % [%]", "width [bar]", "refused [%]"]
     yield Table([*heads, "taxels that answer", "zero"], rows)
+    for row in result.rows:
+        if row.rms_bar is None and row.unexplained is not None:
+            yield (
+                f"{row.recording}: not judged: at the best lag {percent(row.unexplained)} % of its "
+                "reference are not explained by the samples"
+            )
+
+
+def _zero_words(row: LoadRow) -> str:
+    if row.zeroed or row.zero_age_seconds is None:
+        return "its own" if row.zeroed else "the calibration's"
+    return f"the calibration's, {row.zero_age_seconds / 3600.0:.1f} h old"
 
 
 EVALUATIONS = {"load": Evaluation(work, lines, ZeroSetting)}

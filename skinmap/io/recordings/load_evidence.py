@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import csv
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 
 from skinmap.archive import read_arrays
-from skinmap.arrays import FloatArray, IntArray, check_finite
+from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
 from skinmap.errors import DataFormatError, InvalidArrayError, MessageError
 from skinmap.io.text import check_file
+from skinmap.touch.load_calibration import rate_of_times
 
 if TYPE_CHECKING:
     from skinmap.io.mcap.reading import Content, Messages
@@ -32,6 +34,10 @@ MAX_BAR = 20.0  # above it the unit is wrong: foams of skins are flat by then
 MIN_BAR = 5e-4  # below it, too: a hundredth of a finger's touch
 LEAST_RATE, MOST_RATE = 1.0, 1e4  # samples a second: beyond them times are in another unit
 LEAST_SECONDS = 0.5  # of samples beside a load: rest and a press take longer
+LATE = 1.0  # that rows may come late, in a burst [s]
+GAP, LOST = 1.7, 5  # steps between rows that lost some, and lost rows that lay the others apart
+FAR = 2.0  # rows from the next sample at which a row has none
+MOST_APART = 4  # rows for each sample: of longer pauses the rows stay as they are
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -73,7 +79,31 @@ class LoadEvidence:
     @property
     def rate(self) -> float:
         """Samples a second."""
-        return 1.0 / float(np.median(np.diff(self.times)))
+        return rate_of_times(self.times, len(self.times)) or 0.0
+
+    def on_even_rows(self) -> EvenRows:
+        """The samples at a steady rate, where their times show lost rows or another rate."""
+        count = np.arange(len(self.times))
+        steps = np.diff(self.times[:: max(1, round(self.rate))]) / max(1, round(self.rate))
+        rate = 1.0 / max(float(np.quantile(steps, 0.1)), 1.0 / MOST_RATE) if len(steps) else 0.0
+        ahead = (self.times - self.times[0]) * rate - count
+        wide = max(2, round(LATE * rate))
+        # A row is as old as the earliest of those behind it allow: bursts are spread again.
+        places = count + minimum_filter1d(ahead, wide, origin=-(wide // 2))
+        places = np.maximum.accumulate(places) - places[0]
+        gaps = np.diff(places)
+        lost = float((gaps[gaps > GAP] - 1.0).sum())
+        if not LOST < lost < MOST_APART * len(count):
+            return EvenRows(self, count, np.zeros(len(count), bool))
+        rows = np.arange(round(places[-1]) + 1)
+        own = np.rint(np.interp(rows, places, count)).astype(np.int64)
+        at = self.reference_times
+        if at is None and self.reference.shape[:1] == count.shape:  # columns of one table
+            at = self.times
+        laid = replace(
+            self, samples=self.samples[own], times=self.times[0] + rows / rate, reference_times=at
+        )
+        return EvenRows(laid, np.rint(places).astype(np.int64), np.abs(places[own] - rows) > FAR)
 
     def on_nominal_rows(self) -> FloatArray:
         """The reference at the rate of the samples."""
@@ -85,6 +115,24 @@ class LoadEvidence:
             return np.interp(wanted, self.reference_times, self.reference)
         columns = [np.interp(wanted, self.reference_times, one) for one in self.reference.T]
         return np.column_stack(columns)
+
+
+class EvenRows(NamedTuple):
+    """Evidence on rows (r,) at a steady rate.
+
+    Attributes
+    ----------
+    evidence : LoadEvidence
+        Its samples are those next in time.
+    rows : (t,) int
+        Row of each sample of the recording.
+    lost : (r,) bool
+        Rows that have no sample.
+    """
+
+    evidence: LoadEvidence
+    rows: IntArray
+    lost: BoolArray
 
 
 def read_evidence(path: Path, *, needed: bool = True) -> LoadEvidence:
@@ -117,11 +165,10 @@ def read_evidence(path: Path, *, needed: bool = True) -> LoadEvidence:
         raise DataFormatError(f"{len(times)} times for {len(samples)} samples", path)
     if len(times) < 2 or (np.diff(times) < 0).any() or times[-1] <= times[0]:
         raise DataFormatError("times must rise [s]", path)
-    if np.median(np.diff(times)) <= 0:
-        raise DataFormatError(
-            "more than half of the times repeat: they need parts of a second", path
-        )
-    rate = 1.0 / float(np.median(np.diff(times)))
+    try:
+        rate = rate_of_times(times, len(times)) or 0.0
+    except InvalidArrayError as error:
+        raise DataFormatError(f"{error}: times need parts of a second", path) from None
     if not LEAST_RATE <= rate <= MOST_RATE:
         raise DataFormatError(f"times give {rate:.2g} samples a second: they are seconds", path)
     kind = _kind(held, path, needed)
