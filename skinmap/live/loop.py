@@ -487,7 +487,8 @@ class TouchLoop(Summary):
         live, last = self.live, len(times) - 1
         touched = self._gate.apply(pressures)
         for part, loads in self._loads.items():
-            loads.take(dense[:, self._skin.slices[part]], bool(touched.any()))
+            own = self._skin.slices[part]
+            loads.take(dense[:, own], bool(touched[:, own].any()))
         for row, now in enumerate(times.tolist()):
             self._tracker.update(now, touched[row])
             tracks, swallowed = self._tracker.tracks, self._tracker.swallowed

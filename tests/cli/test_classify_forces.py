@@ -175,6 +175,16 @@ def test_the_zero_follows_rest_between_touches(skin, drift: float) -> None:
     assert found.force.low < first.force.value < found.force.high
 
 
+def test_a_thing_that_lies_still_for_minutes_is_not_the_zero_of_its_taxels(skin) -> None:
+    loads = PartLoads(PreparedSkin(skin), straight(len(skin)), 50.0)
+    samples = pressed(skin, 10.0, 4.0)
+    first = weighed(loads, samples)
+    lying = samples[:-50] + 60.0 * (samples[-1] > 50.0)
+    for _ in range(100):  # its taxels are stuck for the contacts: untouched
+        loads.take(lying, touched=False)
+    assert weighed(loads, samples).force.value == pytest.approx(first.force.value, rel=0.02)
+
+
 def test_calibrations_of_other_skins_are_refused(folder: Path, tmp_path: Path) -> None:
     small = write(tmp_path / "small", straight(7))
     touches = folder / "touches.npz"

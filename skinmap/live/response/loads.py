@@ -24,7 +24,9 @@ from skinmap.touch.prepared_skin import PreparedSkin
 PASCALS = 1e5  # a bar
 REST_SECONDS = 0.8  # untouched, so long, before a zero is taken
 REST_FAR = 0.12  # of the calibrated range: no rest lies further from that of the calibration
-DRIFT = 0.015  # counts a second that rest drifts by, standard deviation: some drift by `FOLLOWED`
+LYING = 0.06  # of the range: a taxel so far beside the others' rest is pressed
+DRIFT = 7.5e-5  # of the range a second that rest drifts by: .015 of 200 counts, some `FOLLOWED`
+STEADY = 60.0  # after so long it grows as its root: warmth comes to an end [s]
 # The heaviest moment of a touch: the median of those so far from its heaviest sample [s], and no
 # lighter than so much of it, lest a quick poke loses its peak.
 AROUND, NEAR = 0.1, 0.9
@@ -79,14 +81,16 @@ class PartLoads:
         self._forget()
 
     def take(self, samples: NDArray[Any], touched: bool) -> None:
-        """Take samples (t, n) [counts]; `touched` where something is on any skin."""
+        """Take samples (t, n) [counts]; `touched` where something is on the part."""
         counts = self._calibration.cooled(np.asarray(samples, np.float64))
         self._since += len(counts)
         if touched:
             self._forget()
         elif self._far != PRESSURES:
             self._listen(counts)
-        drift = self._left + DRIFT * self._since / self._rate
+        since = self._since / self._rate
+        spans = float(np.median(self._calibration.span))
+        drift = self._left + DRIFT * spans * min(since, np.sqrt(STEADY * since))
         shared = float(np.hypot(self._doubt, drift * self._calibration.count_bar))
         self._stream.session = replace(self._stream.session, shared=shared)
         self._found = PASCALS * self._stream.rows(counts)[:, -1]
@@ -111,9 +115,12 @@ class PartLoads:
                 self._home = rest - self._stream.session.shift
             session, own = self._stream.session, self.forces.answered
             away, most = rest - self._home - session.shift, FOLLOWED * self._heard / self._rate
-            step = np.clip(away, -most, most)
+            common = float(np.median(away[own])) if own.any() else 0.0
+            # A thing that lies still on some taxels is not their rest: they follow the others.
+            lone = np.abs(away - common) > LYING * self._calibration.span
+            step = np.clip(np.where(lone, common, away), -most, most)
             self._stream.session = replace(session, shift=session.shift + step)
-            self._left = abs(float(np.median((away - step)[own]))) if own.any() else 0.0
+            self._left = abs(common - float(np.clip(common, -most, most)))
             self._since, self._when = 0, time.time()
         self._forget()
 
