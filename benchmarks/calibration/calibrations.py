@@ -6,11 +6,9 @@ the wrap of a link's mesh apart, as it is kept. Each table goes to benchmarks/re
 calibration.json as it comes, with the commit that it is of; all of them take an hour and a half,
 `--only wrap mount` those named.
 
-Mounts from pairs and self-touch; drift under a held press.
-
-What rows were measured against is planted, and the evidence simulated.
-
-Boards laid by anchors on the family of links, and what becomes of wrong input.
+The family of links has formulas as truth, and anchors of 1 mm a coordinate; no constant of the wrap
+was chosen by the links that are `judged`. Mounts, drift under a held press and wrong input are
+planted.
 """
 
 from __future__ import annotations

@@ -60,9 +60,11 @@ def _answered() -> Iterator[None]:
         yield
     except click.NoSuchOption as error:
         answers = tomllib.loads(ANSWERS.read_text(encoding="utf-8"))
-        command = "" if error.ctx is None else error.ctx.command.name
+        command = None if error.ctx is None else error.ctx.command
         option = error.option_name.removeprefix("--")
-        line = (answers["any"] | answers.get(command or "", {})).get(option)
+        name = "" if command is None else command.name or ""
+        every = {} if isinstance(command, click.Group) else answers["any"]
+        line = (every | answers.get(name, {})).get(option)
         if line is None:
             raise
         raise click.UsageError(f"--{option} was removed: {line}", error.ctx) from None

@@ -1,8 +1,7 @@
 """Pictures of flat maps: map and patch on the body side by side, and maps compared.
 
-A checkerboard on the map is carried to the body: what one square becomes there is seen.
-
-Pictures of surfaces without OpenGL: a parallel projection drawn back to front.
+A checkerboard on the map is carried to the body: its squares there show the distortion. Surfaces
+are drawn without OpenGL, by a parallel projection from back to front.
 """
 
 from __future__ import annotations

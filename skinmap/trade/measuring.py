@@ -1,10 +1,7 @@
-"""Measuring a task: each setting once for each seed, in an order drawn anew, on one thread.
+"""Measuring a task, each setting once for each seed, in an order drawn anew, on one thread.
 
-What `skinmap trade` measures and recommends, the same in Python and in JSON.
-
-Trade tasks: what is measured, and under which knobs.
-
-The Pareto front of measured settings, which of them is recommended, and its picture.
+Below it: the tasks with their knobs, the Pareto front of the settings with its picture, and the
+result as Python and JSON have it.
 """
 
 from __future__ import annotations

@@ -30,6 +30,12 @@ def test_retired_option_answers_with_what_to_write(words):
     assert "--backend was removed: write --jobs tcp://HOST:PORT" in result.output
 
 
+def test_an_option_before_its_command_is_none_that_was_removed():
+    result = CliRunner().invoke(cli, ["--profile", "a.toml", "train"])
+    assert result.exit_code == 2
+    assert "No such option '--profile'" in result.output
+
+
 def test_retired_options_are_hidden_and_cost_nothing_when_absent():
     assert CliRunner().invoke(sweep, ["--jobs", "2"]).output == "jobs 2\n"
     assert "--split-sheets" not in CliRunner().invoke(cli, ["flatten", "--help"]).output

@@ -215,6 +215,8 @@ def test_files_find_their_part_by_its_layout(prepared, rng, tmp_path):
     save_response(ResponseCalibration.fit(rest(rng, 2, n=48)), nameless)
     assert list(load_responses([str(named)], skins)) == ["right_hand"]
     assert list(load_responses([f"left_hand={nameless}"], skins)) == ["left_hand"]
+    with pytest.raises(SkinMismatchError, match=r"named\.npz: calibrated was the skin"):
+        load_responses([f"left_hand={named}"], skins)
     with pytest.raises(InvalidArrayError, match="none of left_hand, right_hand"):
         load_responses([str(nameless)], skins)
     with pytest.raises(UnknownNameError, match="no part to calibrate 'head'"):

@@ -276,7 +276,7 @@ def ids_of(table: TaxelTable) -> IntArray:
 
 
 def read_cyskin(path: Path) -> CySkin:
-    """Read a CySkin file; what is doubtful in it is kept (see `cyskin_faults`).
+    """Read a CySkin file; what is doubtful in it is kept (see `file_faults`).
 
     Raises
     ------

@@ -20,7 +20,7 @@ from skinmap.errors import InvalidArrayError, SkinMismatchError, SkinWarning, Un
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.source import StreamInfo
 from skinmap.registry import Registry
-from skinmap.skin.skin import fingerprint
+from skinmap.skin.skin import Skin, fingerprint
 from skinmap.touch.prepared_skin import PreparedSkin
 
 REST = 2.0  # seconds in which a taxel must have been calm before it speaks
@@ -269,7 +269,7 @@ class Responses:
         self._own: dict[str, PartResponse] = {}
         for part, response in (responses or {}).items():
             if part in skin.slices and self._raw:
-                check_response(response, skin, part)
+                check_response(response, skin.skins[part].skin, part)
                 _warn_of_rate(response, info.rate, part)
                 self._own[part] = PartResponse(response, info.rate)
         rest = [skin.slices[part] for part in skin.parts if part not in self._own]
@@ -335,7 +335,7 @@ def _warn_of_rate(response: Any, rate: float, part: str) -> None:
         )
 
 
-def check_response(response: Any, skin: JoinedSkin, part: str) -> None:
+def check_response(response: Any, own: Skin, part: str) -> None:
     """Refuse a calibration of another skin.
 
     Raises
@@ -343,7 +343,6 @@ def check_response(response: Any, skin: JoinedSkin, part: str) -> None:
     SkinMismatchError
         Its fingerprint or number of taxels is another.
     """
-    own = skin.skins[part].skin
     if hasattr(response, "check_skin"):
         response.check_skin(fingerprint(own))
     if hasattr(response, "__len__") and len(response) != len(own):
@@ -414,6 +413,14 @@ def load_responses(specs: Sequence[str], skins: Mapping[str, PreparedSkin]) -> d
         No such file, or no calibration.
     InvalidArrayError
         A file that does not name its part.
+    SkinMismatchError
+        A calibration of another skin.
     """
-    found = by_part(specs, skins, lambda path: readers.get("file")(path), "FILE")
-    return {part: one for part, _, one in found}
+    found = {}
+    for part, name, one in by_part(specs, skins, lambda path: readers.get("file")(path), "FILE"):
+        try:
+            check_response(one, skins[part].skin, part)
+        except SkinMismatchError as error:
+            raise SkinMismatchError(f"{name}: {error}") from None
+        found[part] = one
+    return found

@@ -1,4 +1,4 @@
-// What is known of one taxel, in the words of the window's box (viewer/interaction/describe.py).
+// What is known of one taxel, in the words of the window's box (viewer/interaction/pointing.py).
 
 import { words } from "./dom.js";
 import { SIGNS } from "./signs.js";
