@@ -128,13 +128,20 @@ class PartLoads:
         return force_of(self.forces, taxels, self._found, self._stream.session.shared)
 
 
-def far_rest(calibration: LoadCalibration, counts: FloatArray) -> str:
-    """Why cooled counts (n,) are no rest of a calibration; empty where they are."""
-    away = (counts - calibration.rest) / calibration.span
+def far_rest(calibration: LoadCalibration, counts: FloatArray, *, pressures: bool = False) -> str:
+    """Why cooled counts (n,), or maybe `pressures`, are no rest of a calibration; else empty."""
     own = calibration.answered
-    off = abs(float(np.median(away[own]))) if own.any() else 0.0
-    words = f"rest lies {100 * off:.0f} % of the range off: fit the calibration anew"
-    return words if off > REST_FAR else ""
+    if not own.any():
+        return ""
+    off, height = (
+        abs(float(np.median(((counts - level) / calibration.span)[own])))
+        for level in (calibration.rest, 0.0)
+    )
+    if off <= REST_FAR:
+        return ""
+    if pressures and height <= REST_FAR:  # pressures rest at 0
+        return PRESSURES
+    return f"rest lies {100 * off:.0f} % of the range off: fit the calibration anew"
 
 
 def force_of(
