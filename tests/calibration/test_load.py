@@ -275,6 +275,12 @@ def test_commands_from_evidence_to_predictions(files, tmp_path):
             assert before["pressure_bar"].shape == (9000, N)
     shown = CliRunner().invoke(cli, [str(one) for one in words[:5]]).stdout
     assert "other.npz: not judged: at the best lag" in shown
+    files("other.npz", samples=chamber(2)[0][:40], pressure_bar=chamber(2)[1][400:440],
+          times=np.arange(40) / RATE)  # fmt: skip
+    (row,) = json.loads(run(*words, second, "--force").stdout)["rows"]
+    assert row["unexplained"] is None
+    assert "40 samples and 40 rows of a reference" in row["reason"]
+    files("other.npz", 2, shift=0.2)
     kept = LoadCalibration.read(out)
     zeroed = json.loads(run("calibrate", "rest", other, "-o", out, "--json").stdout)
     assert abs(zeroed["shared_bar"] - 0.2) < 0.08
