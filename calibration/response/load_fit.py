@@ -72,6 +72,8 @@ class Pressed:
         Channel with the temperature of each channel's module, -1 for none.
     lost : (t,) array of bool, optional
         Rows without a sample of their own, which teach nothing.
+    timed : bool
+        Whether the reference came with times of its own.
     """
 
     name: str
@@ -81,6 +83,7 @@ class Pressed:
     channels: IntArray | None = None
     thermal: IntArray | None = None
     lost: BoolArray | None = None
+    timed: bool = False
 
 
 class Sums(NamedTuple):
@@ -300,7 +303,7 @@ def _aligned(one: Pressed) -> tuple[ClockLine, ...]:
     own = one.samples if one.channels is None else one.samples[:, one.channels]
     try:
         lines = align(own, one.reference, rate=one.rate)
-        check_lines(one.name, lines)
+        check_lines(one, lines)
     except InvalidArrayError as error:
         words = str(error).removeprefix(f"{one.name}: ")
         raise InvalidArrayError(f"{one.name}: {words}{_at_one_end(own)}") from error
@@ -318,14 +321,14 @@ def _at_one_end(samples: FloatArray) -> str:
     return f"; {count} of {few.shape[1]} channels stand at one end of their counts: saturated?"
 
 
-def check_lines(name: str, lines: tuple[ClockLine, ...]) -> None:
+def check_lines(one: Pressed, lines: tuple[ClockLine, ...]) -> None:
     """Refuse clocks of a file that do not align."""
     if lines[0].unexplained > UNEXPLAINED:
+        advice = "" if one.timed else "; give reference_times if the rates of both differ"
         raise InvalidArrayError(
-            f"{name}: the clocks do not align: at the best lag the skin explains "
+            f"{one.name}: the clocks do not align: at the best lag the skin explains "
             f"{100 * (1 - lines[0].unexplained):.0f} % of the reference, "
-            f"{100 * (1 - UNEXPLAINED):.0f} % are needed; without reference_times the rates of "
-            "both are the same"
+            f"{100 * (1 - UNEXPLAINED):.0f} % are needed{advice}"
         )
 
 

@@ -385,6 +385,16 @@ def test_bad_evidence_is_one_line(files, tmp_path, arrays, drop, words):
     assert not (tmp_path / "out").exists()
 
 
+def test_times_of_a_reference_are_advised_where_there_are_none(files, tmp_path):
+    noise = np.random.default_rng(1).uniform(0, 3, 9000)
+    for more, advised in (({}, True), ({"reference_times": np.arange(9000) / RATE}, False)):
+        line = refused(
+            "calibrate", "load", files("bad.npz", pressure_bar=noise, **more), "-o", tmp_path / "o"
+        )
+        assert "do not align" in line
+        assert ("give reference_times" in line) == advised
+
+
 def test_options_that_make_no_sense_are_refused(files, tmp_path):
     file = files("own.npz")
     words = ("calibrate", "load", file, "-o", tmp_path / "out")
