@@ -155,6 +155,9 @@ def test_pressures_have_no_force_by_a_calibration_of_raw_counts(
     samples = pressed(skin, 0.0)
     assert weighed(PartLoads(part, raw, 50.0, "pressure"), samples).refused == reason
     assert not weighed(PartLoads(part, model, 50.0, "pressure"), samples).refused
+    named = PartLoads(part, raw, 50.0, "pressure")  # raw counts by that name, until rest is heard
+    assert weighed(named, pressed(skin, 60.0, 0.5)).refused == reason
+    assert not weighed(named, pressed(skin, 60.0)).refused
     words = (folder / "touches.npz", "--calibration", write(tmp_path / "raw", raw), "--json")
     refused = {one["load"]["refused"] for one in json.loads(run(*words))["touches"]}
     assert refused == {reason}

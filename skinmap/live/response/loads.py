@@ -61,9 +61,9 @@ class PartLoads:
         self._doubt = self._stream.session.shared
         self._home = np.zeros(len(skin))  # rest at the zero, less the shift taken there
         self._since, self._left = 0, 0.0  # samples after rest was seen, counts it was not followed
-        self._far = ""  # why rest is none of this calibration
-        if kind == "pressure" and far_rest(calibration, np.zeros(len(skin))):
-            self._far = PRESSURES
+        self._pressures = kind == "pressure"
+        # Why rest is none of this calibration; pressures are taken to rest at 0 until it is heard.
+        self._far = far_rest(calibration, self._home, pressures=True) if self._pressures else ""
         self._found = np.full((3, len(skin)), np.nan)
         self._forget()
         self._when = calibration.zeroed
@@ -84,7 +84,7 @@ class PartLoads:
         self._since += len(counts)
         if touched:
             self._forget()
-        elif self._far != PRESSURES:
+        else:
             self._listen(counts)
         drift = self._left + DRIFT * self._since / self._rate
         shared = float(np.hypot(self._doubt, drift * self._calibration.count_bar))
@@ -103,7 +103,7 @@ class PartLoads:
         if self._heard < self._needed:
             return
         rest = self._sum / self._heard
-        self._far = far_rest(self._calibration, rest)
+        self._far = far_rest(self._calibration, rest, pressures=self._pressures)
         if not self._far:
             if not zeroed:
                 self._stream.zero(np.concatenate(self._rest))
