@@ -284,7 +284,8 @@ def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
     channels = one.channels
     if one.kind in FORCES and channels is None:  # a person stands on all of them, unevenly
         channels = np.arange(one.samples.shape[1])
-    return Pressed(one.name, one.samples, one.rate, reference, channels, one.thermal, lost)
+    timed = one.reference_times is not None
+    return Pressed(one.name, one.samples, one.rate, reference, channels, one.thermal, lost, timed)
 
 
 def _write(fit: LoadFit, _: list[Pressed], folder: Path) -> list[str]:

@@ -42,7 +42,9 @@ AT_REST = 0.05  # share of the range of a load that a reference may stand off at
 SEEN_AT_REST = 0.02  # of it, that is not worth a note: noise and creep
 WARMER = 0.8  # of the square of what rest wanders, that may be left with a temperature
 APART, LEAST_ALIKE = 0.13, 8  # standard deviation of the ratios of gains in two recordings above
-# which their taxels are not the same (at most .075 over days of an insole), and taxels it needs
+# which their taxels may not be the same (over days of an insole .075), and taxels it needs
+ALIKE, CHANCE = 0.3, 2.0  # correlation of gains that shows the same order (.6 over days of 7.5 %, 0
+# in another order), and standard deviations of one by chance that it has to pass
 HALF_INSIDE = 0.6745  # standard deviations either way that hold half
 FULL_ROWS, FULL_RANGE = 0.1, 0.3  # a taxel is saturated that stands still at its end in so many
 # rows while the load goes through so much of its range
@@ -70,6 +72,8 @@ class Pressed:
         Channel with the temperature of each channel's module, -1 for none.
     lost : (t,) array of bool, optional
         Rows without a sample of their own, which teach nothing.
+    timed : bool
+        Whether the reference came with times of its own.
     """
 
     name: str
@@ -79,6 +83,7 @@ class Pressed:
     channels: IntArray | None = None
     thermal: IntArray | None = None
     lost: BoolArray | None = None
+    timed: bool = False
 
 
 class Sums(NamedTuple):
@@ -217,7 +222,7 @@ def fit_load(
         for one, reference, shift in zip(evidence, wanted, shifts, strict=True)
     ]
     if len(sums) > 1:
-        _agree(evidence, sums, told)
+        _agree(evidence, sums, told, span)
     total = Sums(*(np.sum(same, axis=0) for same in zip(*sums, strict=True)))
     fit = _solved(
         total, told, dead, lines, rest, span, recovery,
@@ -298,7 +303,7 @@ def _aligned(one: Pressed) -> tuple[ClockLine, ...]:
     own = one.samples if one.channels is None else one.samples[:, one.channels]
     try:
         lines = align(own, one.reference, rate=one.rate)
-        check_lines(one.name, lines)
+        check_lines(one, lines)
     except InvalidArrayError as error:
         words = str(error).removeprefix(f"{one.name}: ")
         raise InvalidArrayError(f"{one.name}: {words}{_at_one_end(own)}") from error
@@ -316,14 +321,14 @@ def _at_one_end(samples: FloatArray) -> str:
     return f"; {count} of {few.shape[1]} channels stand at one end of their counts: saturated?"
 
 
-def check_lines(name: str, lines: tuple[ClockLine, ...]) -> None:
+def check_lines(one: Pressed, lines: tuple[ClockLine, ...]) -> None:
     """Refuse clocks of a file that do not align."""
     if lines[0].unexplained > UNEXPLAINED:
+        advice = "" if one.timed else "; give reference_times if the rates of both differ"
         raise InvalidArrayError(
-            f"{name}: the clocks do not align: at the best lag the skin explains "
+            f"{one.name}: the clocks do not align: at the best lag the skin explains "
             f"{100 * (1 - lines[0].unexplained):.0f} % of the reference, "
-            f"{100 * (1 - UNEXPLAINED):.0f} % are needed; without reference_times the rates of "
-            "both are the same"
+            f"{100 * (1 - UNEXPLAINED):.0f} % are needed{advice}"
         )
 
 
@@ -552,7 +557,9 @@ def _share(weights: FloatArray, error: FloatArray, whole: Sums, own: IntArray) -
     return changed
 
 
-def _agree(evidence: Sequence[Pressed], sums: Sequence[Sums], told: BoolArray) -> None:
+def _agree(
+    evidence: Sequence[Pressed], sums: Sequence[Sums], told: BoolArray, span: FloatArray
+) -> None:
     """Refuse recordings of which one's curves mistake the other's loads."""
     own = np.flatnonzero(told)
     curves = []
@@ -577,9 +584,13 @@ def _agree(evidence: Sequence[Pressed], sums: Sequence[Sums], told: BoolArray) -
             # Forces press unevenly, each time elsewhere: only a chamber shows gains of taxels.
             even = evidence[i].channels is None and evidence[j].channels is None
             apart = float(np.median(np.abs(np.log(each / ratio)))) / HALF_INSIDE
-            if even and len(both) >= LEAST_ALIKE and apart > APART:
+            if not even or len(both) < LEAST_ALIKE or apart <= APART:
+                continue
+            # Gains may differ that much from day to day, but a taxel with a high one keeps it.
+            rank = np.argsort(np.argsort(pair / np.abs(span[both])[:, None], axis=0), axis=0)
+            if np.corrcoef(rank.T).min() < max(ALIKE, CHANCE / np.sqrt(len(both))):
                 raise InvalidArrayError(
                     f"{evidence[i].name} and {evidence[j].name} contradict each other: gains of "
-                    f"the taxels differ by {100 * apart:.0f} % from one to the other, those of one "
-                    f"skin by {100 * APART:.0f} % at most: are their channels in the same order?"
+                    f"the taxels differ by {100 * apart:.0f} % from one to the other, and high "
+                    "ones of one are not high in the other: are their channels in the same order?"
                 )

@@ -87,7 +87,7 @@ def fit_wrench(one: Pressed, skin: Skin, *, when: float = 0.0, fingerprint: str 
         lines = align(active, size, rate=one.rate)
     except InvalidArrayError as error:
         raise InvalidArrayError(f"{one.name}: {error}") from error
-    check_lines(one.name, lines)
+    check_lines(one, lines)
     wrench = np.column_stack([reference_at(lines, c, len(counts)) for c in one.reference.T])
     known = np.isfinite(wrench).all(axis=1)
     known &= True if one.lost is None else ~one.lost

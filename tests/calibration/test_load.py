@@ -219,6 +219,10 @@ def test_channels_in_another_order_contradict_each_other():
     other, more = chamber(2)
     evidence = [Pressed("a.npz", samples, RATE, pressure), Pressed("b.npz", other, RATE, more)]
     fit_load(evidence)
+    gains = np.random.default_rng(2).permutation(np.linspace(0.75, 1.25, N))  # of another day
+    away = other - np.median(other[:300], axis=0)
+    other = np.clip(other + away * (gains - 1.0), 0, 255).round().astype(np.uint8)
+    fit_load([evidence[0], replace(evidence[1], samples=other)])
     evidence[1] = replace(evidence[1], samples=other[:, ::-1])
     with pytest.raises(InvalidArrayError, match=r"a\.npz and b\.npz .* in the same order"):
         fit_load(evidence)
@@ -271,6 +275,12 @@ def test_commands_from_evidence_to_predictions(files, tmp_path):
             assert before["pressure_bar"].shape == (9000, N)
     shown = CliRunner().invoke(cli, [str(one) for one in words[:5]]).stdout
     assert "other.npz: not judged: at the best lag" in shown
+    files("other.npz", samples=chamber(2)[0][:40], pressure_bar=chamber(2)[1][400:440],
+          times=np.arange(40) / RATE)  # fmt: skip
+    (row,) = json.loads(run(*words, second, "--force").stdout)["rows"]
+    assert row["unexplained"] is None
+    assert "40 samples and 40 rows of a reference" in row["reason"]
+    files("other.npz", 2, shift=0.2)
     kept = LoadCalibration.read(out)
     zeroed = json.loads(run("calibrate", "rest", other, "-o", out, "--json").stdout)
     assert abs(zeroed["shared_bar"] - 0.2) < 0.08
@@ -373,6 +383,16 @@ def test_bad_evidence_is_one_line(files, tmp_path, arrays, drop, words):
     assert words in line
     assert "\n" not in line
     assert not (tmp_path / "out").exists()
+
+
+def test_times_of_a_reference_are_advised_where_there_are_none(files, tmp_path):
+    noise = np.random.default_rng(1).uniform(0, 3, 9000)
+    for more, advised in (({}, True), ({"reference_times": np.arange(9000) / RATE}, False)):
+        line = refused(
+            "calibrate", "load", files("bad.npz", pressure_bar=noise, **more), "-o", tmp_path / "o"
+        )
+        assert "do not align" in line
+        assert ("give reference_times" in line) == advised
 
 
 def test_options_that_make_no_sense_are_refused(files, tmp_path):

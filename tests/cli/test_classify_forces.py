@@ -22,6 +22,7 @@ from skinmap.live.sources.open_source import open_source
 from skinmap.memory_features import FEATURES
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.recording import load_recordings, save_recordings
 
 PART = "left_forearm"
 FULL = 0.5  # bar that 200 counts stand for
@@ -154,9 +155,30 @@ def test_pressures_have_no_force_by_a_calibration_of_raw_counts(
     samples = pressed(skin, 0.0)
     assert weighed(PartLoads(part, raw, 50.0, "pressure"), samples).refused == reason
     assert not weighed(PartLoads(part, model, 50.0, "pressure"), samples).refused
+    named = PartLoads(part, raw, 50.0, "pressure")  # raw counts by that name, until rest is heard
+    assert weighed(named, pressed(skin, 60.0, 0.5)).refused == reason
+    assert not weighed(named, pressed(skin, 60.0)).refused
     words = (folder / "touches.npz", "--calibration", write(tmp_path / "raw", raw), "--json")
     refused = {one["load"]["refused"] for one in json.loads(run(*words))["touches"]}
     assert refused == {reason}
+
+
+def test_recorded_touches_have_the_reason_of_their_own_rest(folder: Path, skin, tmp_path) -> None:
+    (own,) = load_recordings(folder / "touches.npz")
+    up = replace(own, pressures=np.minimum(own.pressures.astype(int) + 10, 255).astype(np.uint8))
+    narrow = write(tmp_path / "narrow", straight(len(skin), span=60.0))
+    raised = replace(straight(len(skin), span=260.0), rest=np.full(len(skin), 40.0))
+    touched = own.events >= 0
+    cut = replace(
+        up, pressures=up.pressures[touched], times=np.arange(touched.sum()) / own.rate,
+        events=own.events[touched],
+    )  # fmt: skip
+    for one, model, words in ((up, narrow, "rest lies"), (cut, write(tmp_path / "up", raised), "")):
+        save_recordings([one], tmp_path / "own.npz")
+        found = json.loads(run(tmp_path / "own.npz", "--calibration", model, "--json"))["touches"]
+        refused = [touch["load"]["refused"] for touch in found if touch["load"]]
+        assert all(one.startswith(words) for one in refused)
+        assert not any("pressures come" in one for one in refused)
 
 
 @pytest.mark.parametrize("drift", [-0.02, 0.02])

@@ -36,7 +36,6 @@ from skinmap.live.moment import Moment
 from skinmap.live.publishing.publish import open_publisher
 from skinmap.live.response.loads import (
     AROUND,
-    PRESSURES,
     far_rest,
     heaviest_load,
     load_calibrations,
@@ -53,7 +52,7 @@ from skinmap.recognition.naming import JOIN, all_right, in_words, name_touches, 
 from skinmap.report.present import emit_line, object_of
 from skinmap.touch.contacts.grouping import GroupingRule
 from skinmap.touch.contacts.motion_features import MM, MOTION_FEATURES, motion_features
-from skinmap.touch.contacts.rest import Rest
+from skinmap.touch.contacts.rest import ENOUGH, Rest
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import Recording
@@ -451,8 +450,10 @@ def _weighing(
     if calibration is None:
         return lambda event, taxels: None
 
-    if far_rest(calibration, recording.rest().offset):
-        return lambda event, taxels: ContactLoad(**ContactForce.none(PRESSURES).plain())
+    # A rest that is hardly recorded tells nothing of the calibration.
+    offset, enough = recording.rest().offset, (recording.events < 0).sum() >= ENOUGH
+    if enough and (reason := far_rest(calibration, offset, pressures=True)):
+        return lambda event, taxels: ContactLoad(**ContactForce.none(reason).plain())
     forces = PartForces(skin, calibration.answered, calibration.covering)
     found = calibration.pressures(recording.pressures, recording.times)
     rows = recording.rows()

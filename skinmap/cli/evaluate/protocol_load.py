@@ -83,7 +83,7 @@ def _row(
     start = float(one.times[0])
     age = 0.0 if zeroed else (start - calibration.zeroed if start > CALENDAR else None)
     width = float(np.nanmean(high - low)) if answered.any() else None
-    rms, holds, unexplained = _beside(even, found)
+    rms, holds, unexplained, reason = _beside(even, found)
     return LoadRow(
         recording=one.name,
         rms_bar=rms,
@@ -94,25 +94,28 @@ def _row(
         zeroed=zeroed,
         zero_age_seconds=age,
         unexplained=unexplained,
+        reason=reason,
     )
 
 
 def _beside(
     even: EvenRows, found: tuple[FloatArray, FloatArray, FloatArray]
-) -> tuple[float | None, float | None, float | None]:
-    """Error, share of intervals that hold, and what alignment leaves open; None without."""
+) -> tuple[float | None, float | None, float | None, str]:
+    """Error, share of intervals that hold, what alignment leaves open, and why there are none."""
     from skinmap.clock_lines import UNEXPLAINED, align, reference_at
 
     one = even.evidence
     if not one.kind:
-        return None, None, None
+        return None, None, None, ""
     reference = one.on_nominal_rows()
     try:
         lines = align(one.samples, reference, rate=one.rate)
-    except InvalidArrayError:
-        return None, None, 1.0
-    if lines[0].unexplained > UNEXPLAINED:
-        return None, None, lines[0].unexplained
+    except InvalidArrayError as error:
+        return None, None, None, str(error)
+    left = lines[0].unexplained
+    if left > UNEXPLAINED:
+        words = f"at the best lag {percent(left)} % of its reference are not explained"
+        return None, None, left, f"{words} by the samples"
     wanted = reference_at(lines, reference, len(one.samples))[even.rows]
     squares, counts, inside = 0.0, 0, 0
     for start in range(0, len(wanted), ROWS):
@@ -125,9 +128,9 @@ def _beside(
         inside += int((good & (low <= load) & (load <= high)).sum())
     own = np.asarray(counts) > 0
     if not own.any():
-        return None, None, lines[0].unexplained
+        return None, None, left, "no taxel answers beside its reference"
     rms = np.sqrt(np.asarray(squares)[own] / np.asarray(counts)[own])
-    return float(rms.mean()), inside / int(np.sum(counts)), lines[0].unexplained
+    return float(rms.mean()), inside / int(np.sum(counts)), left, ""
 
 
 def lines(result: LoadsResult) -> Iterator[str | Table]:
@@ -151,11 +154,8 @@ def lines(result: LoadsResult) -> Iterator[str | Table]:
     heads = ["recording", "error [bar]", "inside 90 % [%]", "width [bar]", "refused [%]"]
     yield Table([*heads, "taxels that answer", "zero"], rows)
     for row in result.rows:
-        if row.rms_bar is None and row.unexplained is not None:
-            yield (
-                f"{row.recording}: not judged: at the best lag {percent(row.unexplained)} % of its "
-                "reference are not explained by the samples"
-            )
+        if row.reason:
+            yield f"{row.recording}: not judged: {row.reason}"
 
 
 def _zero_words(row: LoadRow) -> str:

@@ -63,9 +63,9 @@ class PartLoads:
         self._doubt = self._stream.session.shared
         self._home = np.zeros(len(skin))  # rest at the zero, less the shift taken there
         self._since, self._left = 0, 0.0  # samples after rest was seen, counts it was not followed
-        self._far = ""  # why rest is none of this calibration
-        if kind == "pressure" and far_rest(calibration, np.zeros(len(skin))):
-            self._far = PRESSURES
+        self._pressures = kind == "pressure"
+        # Why rest is none of this calibration; pressures are taken to rest at 0 until it is heard.
+        self._far = far_rest(calibration, self._home, pressures=True) if self._pressures else ""
         self._found = np.full((3, len(skin)), np.nan)
         self._forget()
         self._when = calibration.zeroed
@@ -86,7 +86,7 @@ class PartLoads:
         self._since += len(counts)
         if touched:
             self._forget()
-        elif self._far != PRESSURES:
+        else:
             self._listen(counts)
         since = self._since / self._rate
         spans = float(np.median(self._calibration.span))
@@ -107,7 +107,7 @@ class PartLoads:
         if self._heard < self._needed:
             return
         rest = self._sum / self._heard
-        self._far = far_rest(self._calibration, rest)
+        self._far = far_rest(self._calibration, rest, pressures=self._pressures)
         if not self._far:
             if not zeroed:
                 self._stream.zero(np.concatenate(self._rest))
@@ -135,13 +135,20 @@ class PartLoads:
         return force_of(self.forces, taxels, self._found, self._stream.session.shared)
 
 
-def far_rest(calibration: LoadCalibration, counts: FloatArray) -> str:
-    """Why cooled counts (n,) are no rest of a calibration; empty where they are."""
-    away = (counts - calibration.rest) / calibration.span
+def far_rest(calibration: LoadCalibration, counts: FloatArray, *, pressures: bool = False) -> str:
+    """Why cooled counts (n,), or maybe `pressures`, are no rest of a calibration; else empty."""
     own = calibration.answered
-    off = abs(float(np.median(away[own]))) if own.any() else 0.0
-    words = f"rest lies {100 * off:.0f} % of the range off: fit the calibration anew"
-    return words if off > REST_FAR else ""
+    if not own.any():
+        return ""
+    off, height = (
+        abs(float(np.median(((counts - level) / calibration.span)[own])))
+        for level in (calibration.rest, 0.0)
+    )
+    if off <= REST_FAR:
+        return ""
+    if pressures and height <= REST_FAR:  # pressures rest at 0
+        return PRESSURES
+    return f"rest lies {100 * off:.0f} % of the range off: fit the calibration anew"
 
 
 def force_of(

@@ -873,7 +873,9 @@ class LoadRow:
         of the recording are not those of a calendar.
     unexplained
         Share of the reference that the skin leaves open once both clocks are aligned; null
-        without one.
+        without one, or where they cannot be aligned.
+    reason
+        Why a reference was not used; empty where it was, or where there is none.
     """
 
     recording: str
@@ -885,6 +887,7 @@ class LoadRow:
     zeroed: bool
     zero_age_seconds: float | None
     unexplained: float | None
+    reason: str
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
