@@ -62,6 +62,7 @@ class PartLoads:
         self._stream = calibration.stream(rate or None)
         self._doubt = self._stream.session.shared
         self._home = np.zeros(len(skin))  # rest at the zero, less the shift taken there
+        self._drift = DRIFT * float(np.median(calibration.span))
         self._since, self._left = 0, 0.0  # samples after rest was seen, counts it was not followed
         self._pressures = kind == "pressure"
         # Why rest is none of this calibration; pressures are taken to rest at 0 until it is heard.
@@ -89,8 +90,7 @@ class PartLoads:
         else:
             self._listen(counts)
         since = self._since / self._rate
-        spans = float(np.median(self._calibration.span))
-        drift = self._left + DRIFT * spans * min(since, np.sqrt(STEADY * since))
+        drift = self._left + self._drift * min(since, np.sqrt(STEADY * since))
         shared = float(np.hypot(self._doubt, drift * self._calibration.count_bar))
         self._stream.session = replace(self._stream.session, shared=shared)
         self._found = PASCALS * self._stream.rows(counts)[:, -1]
