@@ -311,7 +311,9 @@ def survey(track: Track) -> Survey:
         out = np.zeros(values.shape, bool)
         out[tuple(spikes.T)] = True
         track = replace(track, values=_held_over(track.values, out))
-        found = _looked(track, gone, np.concatenate([found.spikes, spikes]))
+        # A row of spikes repeats none, though it is held over.
+        again = _looked(track, gone, np.concatenate([found.spikes, spikes]))
+        found = replace(again, changed=found.changed)
     return found
 
 
@@ -381,7 +383,9 @@ def _looked(track: Track, gone: NDArray[np.bool_] | None, spikes: IntArray) -> S
             moved |= gone[start:end]  # no number is another than any other
         _cells(values[start:end], moved, cell, {x: one[first:last] for x, one in parts.items()})
     if gone is not None:
-        changed[gone.all(axis=1)] = width
+        still = parts["high"].max(axis=0) == parts["low"].min(axis=0)
+        lost = (gone | still).all(axis=1) & gone.any(axis=1)
+        changed[lost | np.append(False, lost[:-1])] = width  # nor is the row behind such a one
     return Survey(track, cell, changed, gone=gone, spikes=spikes, **parts)
 
 

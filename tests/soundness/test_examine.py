@@ -19,7 +19,7 @@ from skinmap.cli.main import cli
 from skinmap.clock_lines import align
 from skinmap.errors import DataFormatError
 from skinmap.io.recordings.touch_files import read_recordings
-from skinmap.soundness.examination import examine_track, examine_tracks
+from skinmap.soundness.examination import examine_track, examine_tracks, mend
 from skinmap.soundness.finding import HARM, KINDS
 from skinmap.soundness.track import Track, read_track
 
@@ -692,6 +692,19 @@ def test_missing_values_and_spikes_have_their_rows_and_channels():
     assert found(strewn, np.nan) == [("lost", list(range(sound.shape[1])), None)]
     far, rows = 100 * sound.max(), [[700, 700], [903, 904], [4499, 4499]]
     assert found(([700, 903, 904, 4499], [3, 40, 40, 9]), far) == [("noisy", [3, 9, 40], rows)]
+
+
+@pytest.mark.parametrize(("row", "value"), [(0, np.nan), (1500, 65535.0)])
+def test_rows_of_no_number_or_of_spikes_repeat_none_and_stay(row, value):
+    rng = np.random.default_rng(5)
+    values = pokes(rng)
+    values += rng.normal(0.0, 0.01, values.shape)
+    values[row] = value
+    track = Track("a.npz", values, np.arange(len(values)) / 50)
+    assert [one.kind for one in examine_track(track)[0].findings] == [
+        "lost" if row == 0 else "noisy"
+    ]
+    assert len(mend(track)[0].values) == len(values)
 
 
 def test_grasps_that_load_neighbours_apart_exchange_no_channels():
