@@ -21,6 +21,7 @@ from skinmap.errors import DataFormatError
 from skinmap.io.recordings.touch_files import read_recordings
 from skinmap.soundness.examination import examine_track, examine_tracks, mend
 from skinmap.soundness.finding import HARM, KINDS
+from skinmap.soundness.survey import survey
 from skinmap.soundness.track import Track, read_track
 
 INSOLE = Path(__file__).resolve().parents[3] / "shared" / "data" / "insole"
@@ -742,6 +743,21 @@ def test_taps_of_one_row_are_no_spikes():
         values[row] += rng.uniform(60, 200) * np.exp(-away / 3.0)
     own = examine_track(Track("a", np.rint(values), np.arange(2000) / 20))[0].findings
     assert not any("spikes" in one.text for one in own)
+
+
+@pytest.mark.parametrize("pressed", [0, 160])
+def test_taps_of_one_channel_and_two_rows_are_no_spikes_and_many_spikes_are(pressed):
+    rng = np.random.default_rng(1)
+    values = rng.uniform(100, 200, 12) + rng.normal(size=(1200, 12))
+    for row in range(40, 1160, 37):
+        values[row : row + 2, rng.integers(12)] += rng.uniform(400, 1200)
+    for row in (210, 610, 1010):
+        values[row : row + 20, rng.integers(12)] += pressed
+    assert len(survey(Track("a", np.rint(values), np.arange(1200) / 20)).spikes) == 0
+    felt = pokes(rng, side=5)
+    felt += rng.normal(0.0, 0.01, felt.shape)
+    felt[rng.permutation(len(felt))[:200], rng.integers(0, 25, 200)] = 100 * felt.max()
+    assert len(survey(Track("a", felt, np.arange(len(felt)) / 50)).spikes) == 200
 
 
 def pressed(touches: int = 80, width: int = 10, seed: int = 5) -> tuple[np.ndarray, np.ndarray]:
