@@ -364,7 +364,7 @@ def _spikes(survey: Survey) -> IntArray:
     return np.unique(np.column_stack([row, channels])[kept], axis=0)
 
 
-def _usual_reach(survey: Survey, middle: FloatArray) -> float:
+def _usual_reach(survey: Survey, middle: NDArray[np.float32]) -> float:
     """How far nearly all cells reach without the two farthest rows of each."""
     if survey.cell < 3:
         return 0.0
@@ -383,8 +383,8 @@ def _loads(survey: Survey, least: float) -> tuple[int, int, float]:
         away = np.abs(own - rest[survey.cell_of(start + np.arange(len(own)))])
         begins = (away > least) & ~np.pad(away > least, ((1, 0), (0, 0)))[:-1]
         lasting = np.minimum(np.minimum(away[:-2], away[1:-1]), away[2:])
-        every += np.count_nonzero(begins)
-        long += np.count_nonzero(begins[:-2] & (lasting > least))
+        every += int(begins.sum())
+        long += int((begins[:-2] & (lasting > least)).sum())
         reach = max(reach, float(lasting.max(initial=least)))
     return every - long, long, reach
 

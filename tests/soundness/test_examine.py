@@ -19,8 +19,10 @@ from skinmap.cli.main import cli
 from skinmap.clock_lines import align
 from skinmap.errors import DataFormatError
 from skinmap.io.recordings.touch_files import read_recordings
+from skinmap.soundness.channel_faults import channel_faults
 from skinmap.soundness.examination import examine_track, examine_tracks, mend
 from skinmap.soundness.finding import HARM, KINDS
+from skinmap.soundness.set_faults import DOUBTED, MISTAKEN, _tail
 from skinmap.soundness.survey import survey
 from skinmap.soundness.track import Track, read_track
 
@@ -783,6 +785,24 @@ def test_a_dead_channel_with_noise_is_found_and_seldom_touched_ones_are_not(nois
     assert [(one.kind, one.channels) for one in own] == [("dead", [44])]
 
 
+def test_words_of_a_file_or_of_rows_are_those_of_its_touches(tmp_path):
+    load, begins = pressed(12)
+    values = 200 + load + np.random.default_rng(3).normal(0, 2.5, load.shape)
+    events = np.full(len(load), -1)
+    for number, begin in enumerate(begins):
+        events[begin : begin + 30] = number
+    held = {"samples": values, "times": np.arange(len(load)) / 50, "labels": ["poke"] * 12}
+    days = np.where(np.arange(len(load)) < begins[6], "mon", "tue")
+
+    def track_with(**more):
+        np.savez(tmp_path / "a.npz", **held | {"events": events} | more)
+        return read_track(tmp_path / "a.npz")
+
+    assert track_with(sessions="mon").sessions == ("mon",) * 12
+    assert track_with(sessions=days).sessions == ("mon",) * 6 + ("tue",) * 6
+    assert track_with(robot=np.zeros((len(load), 7)), part=events).robot == ""
+
+
 def test_a_mended_copy_is_read_as_touches_of_its_robot_and_part(tmp_path):
     made = skinmap.simulate("kaspar", part="left_hand", per_gesture=2, rng=0)
     rows = np.sort(np.r_[: len(made.times), 40:60])
@@ -829,6 +849,17 @@ def test_copies_under_load_are_found_on_a_skin_that_is_silent_at_rest(tmp_path):
     assert "duplicate" not in [one.kind for one in sound]
 
 
+def test_sessions_differ_at_rest_where_labels_cover_it_but_for_the_first_rows():
+    load, begins = pressed(18)
+    values = 200 + load + np.random.default_rng(8).normal(0, 2.5, load.shape)
+    values[begins[12] :] += 60.0
+    events = np.searchsorted(begins, np.arange(len(load)), side="right") - 1
+    days = ("mon",) * 6 + ("tue",) * 6 + ("wed",) * 6
+    whole = Track("s", values, np.arange(len(load)) / 50, events=events, sessions=days)
+    own = examine_track(whole)[0].findings
+    assert any("At rest, session wed differs" in one.text for one in own)
+
+
 @pytest.mark.parametrize("touches", [1, 2, 6])
 def test_sessions_of_few_touches_differ_at_rest_only_where_their_rest_does(touches):
     load, begins = pressed(3 * touches)
@@ -867,3 +898,15 @@ def test_coarse_channels_of_whole_numbers_are_quantised_and_no_copies():
     values = np.rint(values).astype(int)
     own = examine_track(Track("coarse", values, np.arange(len(values)) / 50))[0].findings
     assert [(one.kind, one.channels) for one in own] == [("quantised", coarse)]
+
+
+def test_channels_between_rows_without_a_number_are_judged_and_three_sure_labels_matter():
+    load, _ = pressed(20)
+    values = 200 + load + np.random.default_rng(3).normal(0, 2.5, load.shape)
+    values[np.arange(len(load)) % 4 != 0] = np.nan
+    looked = survey(Track("a", values, np.arange(len(load)) / 50))
+    found, bad = channel_faults(looked)
+    assert [one.kind for one in found] == ["lost"]
+    assert not bad.any()
+    chances = [_tail(wrong, count, MISTAKEN) for wrong, count in ((3, 48), (2, 48), (1, 40))]
+    assert chances[0] < DOUBTED < min(chances[1:])
