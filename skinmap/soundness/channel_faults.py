@@ -109,7 +109,7 @@ def _strewn(survey: Survey, gone: NDArray[np.bool_], bad: NDArray[np.bool_]) -> 
     ]
     found += _summed(_joined(whole))
     share = gone.mean(axis=0)
-    bad |= survey.missing > MOST * survey.count
+    bad |= survey.missing - len(rows) > MOST * (survey.count - len(rows))
     for which, harm in ((share >= MUCH, 0.6), ((share > 0) & (share < MUCH), 0.2)):
         channels = np.flatnonzero(which)
         if len(channels):
@@ -371,14 +371,20 @@ def _copied(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         alike = (fast.T @ fast) / np.maximum(np.outer(size, size), 1e-30)
         np.fill_diagonal(alike, 0.0)
         usual = np.partition(alike, -2, axis=1)[:, -2] if len(lively) > 3 else np.zeros(len(lively))
-        pairs |= {
-            (int(lively[a]), int(lively[b]))
+        near = [
+            (a, b)
             for a, b in np.argwhere(np.triu(alike) > COPY).tolist()
             if max(usual[a], usual[b]) < 0.9 or alike[a, b] > 0.9999
+        ]
+        if len(near) > MANY:  # so many move for a common reason
+            return []
+        pairs |= {
+            (int(lively[a]), int(lively[b]))
+            for a, b in near
             # What stands still carries the median of the others, turned: so do two of them.
             if raw[:, a] @ raw[:, b] > RAW * np.linalg.norm(raw[:, a]) * np.linalg.norm(raw[:, b])
         }
-    if len(pairs) > MANY:  # so many move for a common reason
+    if len(pairs) > MANY:
         return []
     found = []
     for a, b in sorted(pairs):

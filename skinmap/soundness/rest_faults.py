@@ -17,6 +17,7 @@ BETWEEN = 8.0  # percentile of a short piece's cells: touches leave it at rest f
 HELD, BEYOND = 90.0, 3.0  # percentile of how far levels come back, and how much farther rest moves
 INNER = 0.1  # share of a drift that is seen without the first and the last piece
 ENOUGH, COVERED = 5, 30  # cells that show a rest: untouched ones, and of any kind
+FREE = 0.1  # share of untouched cells below which labels cover rest too
 ALL = 0.6  # share of the channels from which it is the whole skin
 
 
@@ -148,16 +149,18 @@ def session_offsets(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     share = 20.0 if survey.rising else 80.0
     starts = np.arange(len(survey.mean)) * survey.cell
     free = np.logical_and.reduceat(track.events < 0, starts)
+    known = [np.count_nonzero(free & (starts >= a) & (starts <= b)) for a, b, _ in turns]
+    # Each file is a touch, with rest in it.
+    covered = free.mean() < FREE and min(known, default=0) < ENOUGH
     # What lies between two sessions belongs to the nearer one.
     cuts = [0, *((a[1] + b[0]) // 2 for a, b in pairwise(turns)), survey.count - 1]
     for (first, last, name), begin, end in zip(turns, cuts, cuts[1:], strict=False):
-        if free.any():
-            calm = np.flatnonzero(free & (starts >= first) & (starts <= last))
-            if len(calm) < ENOUGH:
-                calm = np.flatnonzero(free & (starts >= begin) & (starts < end))
-        else:  # each file is a touch, with rest in it
+        calm = np.flatnonzero(free & (starts >= first) & (starts <= last))
+        if len(calm) < ENOUGH:
+            calm = np.flatnonzero(free & (starts >= begin) & (starts < end))
+        if covered:
             calm = np.arange(survey.cell_of(first), survey.cell_of(last) + 1)
-        if len(calm) < (ENOUGH if free.any() else COVERED):
+        if len(calm) < (COVERED if covered else ENOUGH):
             continue
         inside = survey.mean[calm][:, lively]
         rests.append(np.percentile(inside, share, axis=0))

@@ -21,6 +21,7 @@ MOST_LABELS = 2000
 TREES, STAGES = 200, 12  # that vote on labels; stages of a touch, whose course they see
 CLEAR = 0.8  # share of the touches that keep their label
 MISTAKEN = 0.01  # of the touches of sound labels: those that trees name otherwise, and surely
+DOUBTED = 0.05  # chance of so many among sound labels from which they are a remark
 SURELY, FEW = 0.45, 0.5  # votes for another label beyond its own, and more of few touches
 
 
@@ -174,7 +175,7 @@ def _misnamed(
     )
     spans = [[int(rows[k][0]), int(rows[k][-1])] for k in wrong]
     # Trees mistake a few touches of sound labels as surely: those are a remark.
-    few = _tail(len(wrong), len(rows), MISTAKEN) > 5.0 * CHANCE
+    few = _tail(len(wrong), len(rows), MISTAKEN) > DOUBTED
     sure, harm = (0.5, 0.2) if few else (0.85, None)
     times = survey.track.times
     return [finding("labels", text, rows=spans, times=times, confidence=sure, harm=harm)]

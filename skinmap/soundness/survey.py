@@ -23,6 +23,7 @@ BOTH, AXES = 0.3, 0.3  # of the larger swing, and of the channels that swing so:
 AT_REST = 0.35  # share of its cells near its median
 SPIKE = 3.0  # times as far as all else: a single value there is no load
 ALONE = 0.8  # of its reach by which a spike differs from the rows beside it
+FARTHER, RARER = 20.0, 10  # the same, and loads that last, where such rows may be loads themselves
 GRADED = 0.15  # of it: what moves others by more, and by less than itself, is a tap
 NOISES, STEPS = 50.0, 20.0  # that a recording reaches at least: single rows may be its only loads
 PASSES = 6  # in which spikes are taken out, the farthest of each cell at a time
@@ -311,7 +312,9 @@ def survey(track: Track) -> Survey:
         out = np.zeros(values.shape, bool)
         out[tuple(spikes.T)] = True
         track = replace(track, values=_held_over(track.values, out))
-        found = _looked(track, gone, np.concatenate([found.spikes, spikes]))
+        # A row of spikes repeats none, though it is held over.
+        again = _looked(track, gone, np.concatenate([found.spikes, spikes]))
+        found = replace(again, changed=found.changed)
     return found
 
 
@@ -329,8 +332,10 @@ def _spikes(survey: Survey) -> IntArray:
     """Rows and channels (m, 2) of one or two values far beyond all that lasts for longer."""
     middle = np.median(survey.mean, axis=0)
     reach = np.maximum(survey.high - middle, middle - survey.low)
-    usual = np.maximum(np.percentile(reach, 99.0), NOISES * survey.usual_noise)
-    cells, channels = np.nonzero(reach > SPIKE * max(usual, STEPS * survey.quantum))
+    usual = max(NOISES * survey.usual_noise, STEPS * survey.quantum)
+    if (reach > SPIKE * usual).any():
+        usual = max(usual, _usual_reach(survey, middle))
+    cells, channels = np.nonzero(reach > SPIKE * usual)
     if len(cells) == 0:
         return np.zeros((0, 2), np.int64)
     # The rows behind the last whole cell belong to it.
@@ -350,7 +355,38 @@ def _spikes(survey: Survey) -> IntArray:
     for at in np.flatnonzero(kept):  # a tap moves those around it too, by less
         near = np.abs(values[row[at]].astype(np.float64) - values[beside[0, 0, at]]) / size[at]
         kept[at] = np.count_nonzero((near > GRADED) & (near < ALONE)) < 2
+    if kept.any():
+        short, long, far = _loads(survey, 0.5 * usual)
+        doubtful = np.full(len(row), 2 * short > long)
+        if survey.track.events is not None and survey.track.labels:
+            doubtful |= survey.track.events[row] >= 0
+        kept &= ~doubtful | ((size > FARTHER * far) & (short < RARER * long))
     return np.unique(np.column_stack([row, channels])[kept], axis=0)
+
+
+def _usual_reach(survey: Survey, middle: NDArray[np.float32]) -> float:
+    """How far nearly all cells reach without the two farthest rows of each."""
+    if survey.cell < 3:
+        return 0.0
+    several = max(BLOCK // (survey.cell * survey.width), 20)
+    own = np.linspace(0, len(survey.mean) - 1, min(several, len(survey.mean))).astype(int)
+    rows = own[:, None] * survey.cell + np.arange(survey.cell)
+    away = np.abs(survey.track.values[rows] - middle)
+    return float(np.percentile(np.partition(away, -3, axis=1)[:, -3], 99.0))
+
+
+def _loads(survey: Survey, least: float) -> tuple[int, int, float]:
+    """Loads of channels beyond a level: those of one or two rows, those that last, their reach."""
+    rest, every, long, reach = survey.mean - survey.fast, 0, 0, least
+    for start in range(0, survey.count, 4096):
+        own = survey.track.values[start : start + 4096]
+        away = np.abs(own - rest[survey.cell_of(start + np.arange(len(own)))])
+        begins = (away > least) & ~np.pad(away > least, ((1, 0), (0, 0)))[:-1]
+        lasting = np.minimum(np.minimum(away[:-2], away[1:-1]), away[2:])
+        every += int(begins.sum())
+        long += int((begins[:-2] & (lasting > least)).sum())
+        reach = max(reach, float(lasting.max(initial=least)))
+    return every - long, long, reach
 
 
 def _looked(track: Track, gone: NDArray[np.bool_] | None, spikes: IntArray) -> Survey:
@@ -381,7 +417,9 @@ def _looked(track: Track, gone: NDArray[np.bool_] | None, spikes: IntArray) -> S
             moved |= gone[start:end]  # no number is another than any other
         _cells(values[start:end], moved, cell, {x: one[first:last] for x, one in parts.items()})
     if gone is not None:
-        changed[gone.all(axis=1)] = width
+        still = parts["high"].max(axis=0) == parts["low"].min(axis=0)
+        lost = (gone | still).all(axis=1) & gone.any(axis=1)
+        changed[lost | np.append(False, lost[:-1])] = width  # nor is the row behind such a one
     return Survey(track, cell, changed, gone=gone, spikes=spikes, **parts)
 
 

@@ -151,6 +151,7 @@ def _repeats(survey: Survey, times: FloatArray | None) -> NDArray[np.bool_]:
         coarse = np.count_nonzero(~same & (second - first == 1))
         if coarse <= 0.1 * np.count_nonzero(same):  # times that mean something
             repeated[second[same]] = True
+            repeated[survey.spikes[:, 0]] = False  # only their values held over are alike
             repeated &= ~_made_up_for(times, repeated)
     if survey.track.stretches is not None:
         equal &= np.diff(survey.track.stretches, prepend=-1) == 0

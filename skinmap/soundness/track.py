@@ -241,6 +241,7 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
             name: tuple(own[row] for row in begins) if len(own) == count else own
             for name, own in words.items()
         }
+    words = {name: _fitted(own, events, len(labels)) for name, own in words.items()}
     _check_words(events, labels, words, path)
     reference = next((held[one] * scale for one, scale in PRESSURE.items() if one in held), None)
     if reference is not None and (reference.ndim != 1 or reference.dtype.kind not in "uif"):
@@ -263,8 +264,19 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
         reference_times if reference is not None else None,
         _positions(held.get("positions"), width),
         _marks(held.get("marks"), path),
-        *("".join(_words(held.get(one))) for one in ("part", "robot")),
+        part=_word("part", held),
+        robot=_word("robot", held),
     )
+
+
+def _fitted(own: tuple[str, ...], events: IntArray | None, labels: int) -> tuple[str, ...]:
+    """Words of a whole file, or of each of its rows, as one for each label."""
+    if labels and len(own) == 1:
+        return own * labels
+    if events is None or len(own) != len(events) or len(own) == labels:
+        return own
+    first = dict(zip(events[::-1].tolist(), own[::-1], strict=True))  # at each begin
+    return tuple(first.get(k, "") for k in range(labels))
 
 
 def _check_words(
@@ -308,6 +320,13 @@ def _first(held: Mapping[str, NDArray[Any]], names: tuple[str, ...]) -> NDArray[
 
 def _words(found: NDArray[Any] | None) -> tuple[str, ...]:
     return () if found is None else tuple(str(one).strip() for one in found.ravel().tolist())
+
+
+def _word(name: str, held: Mapping[str, NDArray[Any]]) -> str:
+    """A word that a mended copy holds; other files may call anything by its name."""
+    found = held.get(name) if "mended" in held else None
+    alone = found is not None and found.dtype.kind == "U" and found.size == 1
+    return "".join(_words(found)) if alone else ""
 
 
 def _runs(labels: tuple[str, ...]) -> tuple[IntArray, tuple[str, ...]]:

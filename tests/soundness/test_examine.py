@@ -19,8 +19,11 @@ from skinmap.cli.main import cli
 from skinmap.clock_lines import align
 from skinmap.errors import DataFormatError
 from skinmap.io.recordings.touch_files import read_recordings
-from skinmap.soundness.examination import examine_track, examine_tracks
+from skinmap.soundness.channel_faults import channel_faults
+from skinmap.soundness.examination import examine_track, examine_tracks, mend
 from skinmap.soundness.finding import HARM, KINDS
+from skinmap.soundness.set_faults import DOUBTED, MISTAKEN, _tail
+from skinmap.soundness.survey import survey
 from skinmap.soundness.track import Track, read_track
 
 INSOLE = Path(__file__).resolve().parents[3] / "shared" / "data" / "insole"
@@ -694,6 +697,19 @@ def test_missing_values_and_spikes_have_their_rows_and_channels():
     assert found(([700, 903, 904, 4499], [3, 40, 40, 9]), far) == [("noisy", [3, 9, 40], rows)]
 
 
+@pytest.mark.parametrize(("row", "value"), [(0, np.nan), (1500, 65535.0)])
+def test_rows_of_no_number_or_of_spikes_repeat_none_and_stay(row, value):
+    rng = np.random.default_rng(5)
+    values = pokes(rng)
+    values += rng.normal(0.0, 0.01, values.shape)
+    values[row] = value
+    track = Track("a.npz", values, np.arange(len(values)) / 50)
+    assert [one.kind for one in examine_track(track)[0].findings] == [
+        "lost" if row == 0 else "noisy"
+    ]
+    assert len(mend(track)[0].values) == len(values)
+
+
 def test_grasps_that_load_neighbours_apart_exchange_no_channels():
     rng = np.random.default_rng(2)
     at = np.column_stack([np.indices((20, 16)).reshape(2, -1).T * 5e-3, np.zeros(320)])
@@ -731,6 +747,21 @@ def test_taps_of_one_row_are_no_spikes():
     assert not any("spikes" in one.text for one in own)
 
 
+@pytest.mark.parametrize("pressed", [0, 160])
+def test_taps_of_one_channel_and_two_rows_are_no_spikes_and_many_spikes_are(pressed):
+    rng = np.random.default_rng(1)
+    values = rng.uniform(100, 200, 12) + rng.normal(size=(1200, 12))
+    for row in range(40, 1160, 37):
+        values[row : row + 2, rng.integers(12)] += rng.uniform(400, 1200)
+    for row in (210, 610, 1010):
+        values[row : row + 20, rng.integers(12)] += pressed
+    assert len(survey(Track("a", np.rint(values), np.arange(1200) / 20)).spikes) == 0
+    felt = pokes(rng, side=5)
+    felt += rng.normal(0.0, 0.01, felt.shape)
+    felt[rng.permutation(len(felt))[:200], rng.integers(0, 25, 200)] = 100 * felt.max()
+    assert len(survey(Track("a", felt, np.arange(len(felt)) / 50)).spikes) == 200
+
+
 def pressed(touches: int = 80, width: int = 10, seed: int = 5) -> tuple[np.ndarray, np.ndarray]:
     """Values (t, n) above rest, without noise, of pokes on a square of taxels; begins (k,)."""
     rng = np.random.default_rng(seed)
@@ -752,6 +783,24 @@ def test_a_dead_channel_with_noise_is_found_and_seldom_touched_ones_are_not(nois
     values = np.rint(values).astype(int)
     own = examine_track(Track("noise", values, np.arange(len(load)) / 50))[0].findings
     assert [(one.kind, one.channels) for one in own] == [("dead", [44])]
+
+
+def test_words_of_a_file_or_of_rows_are_those_of_its_touches(tmp_path):
+    load, begins = pressed(12)
+    values = 200 + load + np.random.default_rng(3).normal(0, 2.5, load.shape)
+    events = np.full(len(load), -1)
+    for number, begin in enumerate(begins):
+        events[begin : begin + 30] = number
+    held = {"samples": values, "times": np.arange(len(load)) / 50, "labels": ["poke"] * 12}
+    days = np.where(np.arange(len(load)) < begins[6], "mon", "tue")
+
+    def track_with(**more):
+        np.savez(tmp_path / "a.npz", **held | {"events": events} | more)
+        return read_track(tmp_path / "a.npz")
+
+    assert track_with(sessions="mon").sessions == ("mon",) * 12
+    assert track_with(sessions=days).sessions == ("mon",) * 6 + ("tue",) * 6
+    assert track_with(robot=np.zeros((len(load), 7)), part=events).robot == ""
 
 
 def test_a_mended_copy_is_read_as_touches_of_its_robot_and_part(tmp_path):
@@ -800,6 +849,17 @@ def test_copies_under_load_are_found_on_a_skin_that_is_silent_at_rest(tmp_path):
     assert "duplicate" not in [one.kind for one in sound]
 
 
+def test_sessions_differ_at_rest_where_labels_cover_it_but_for_the_first_rows():
+    load, begins = pressed(18)
+    values = 200 + load + np.random.default_rng(8).normal(0, 2.5, load.shape)
+    values[begins[12] :] += 60.0
+    events = np.searchsorted(begins, np.arange(len(load)), side="right") - 1
+    days = ("mon",) * 6 + ("tue",) * 6 + ("wed",) * 6
+    whole = Track("s", values, np.arange(len(load)) / 50, events=events, sessions=days)
+    own = examine_track(whole)[0].findings
+    assert any("At rest, session wed differs" in one.text for one in own)
+
+
 @pytest.mark.parametrize("touches", [1, 2, 6])
 def test_sessions_of_few_touches_differ_at_rest_only_where_their_rest_does(touches):
     load, begins = pressed(3 * touches)
@@ -838,3 +898,15 @@ def test_coarse_channels_of_whole_numbers_are_quantised_and_no_copies():
     values = np.rint(values).astype(int)
     own = examine_track(Track("coarse", values, np.arange(len(values)) / 50))[0].findings
     assert [(one.kind, one.channels) for one in own] == [("quantised", coarse)]
+
+
+def test_channels_between_rows_without_a_number_are_judged_and_three_sure_labels_matter():
+    load, _ = pressed(20)
+    values = 200 + load + np.random.default_rng(3).normal(0, 2.5, load.shape)
+    values[np.arange(len(load)) % 4 != 0] = np.nan
+    looked = survey(Track("a", values, np.arange(len(load)) / 50))
+    found, bad = channel_faults(looked)
+    assert [one.kind for one in found] == ["lost"]
+    assert not bad.any()
+    chances = [_tail(wrong, count, MISTAKEN) for wrong, count in ((3, 48), (2, 48), (1, 40))]
+    assert chances[0] < DOUBTED < min(chances[1:])

@@ -83,7 +83,7 @@ class Mapping(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 def find_mapping(path: Path) -> Mapping | None:
     """The mapping of a recording, None where there is none.
 
-    It is `NAME.toml` beside it, else the `robot` and `part` inside an NPZ, else the nearest
+    It is `NAME.toml` beside it, else the `robot` and `part` inside a mended copy, else the nearest
     `mapping.toml` of the folders above it.
 
     Raises
@@ -104,13 +104,16 @@ def find_mapping(path: Path) -> Mapping | None:
 
 
 def _mapping_inside(path: Path) -> Mapping | None:
-    """The mapping of an NPZ of channels that holds its robot and part, as a mended copy does."""
+    """The mapping of a mended copy, which holds its robot and part as one word each."""
     if path.suffix.lower() != ".npz" or not is_file(path) or is_own_archive(path):
         return None
     with open_arrays(path, "an NPZ of channels over time") as arrays:
-        if not {"robot", "part", "samples"} <= set(arrays):
+        if not {"robot", "part", "samples", "mended"} <= set(arrays):
             return None
-        return Mapping(str(arrays["robot"]), str(arrays["part"]))
+        named = arrays["robot"], arrays["part"]
+        if any(one.dtype.kind != "U" or one.size != 1 for one in named):
+            return None
+        return Mapping(str(named[0].item()), str(named[1].item()))
 
 
 def needed_mapping(path: Path) -> Mapping:
