@@ -101,15 +101,14 @@ def open_headed(path: Path, format: str, expected: str) -> Iterator[tuple[dict[s
     ----------
     path : Path
     format : str
-        What its head must say.
+        Of its head.
     expected : str
         What the archive is, for messages.
 
     Raises
     ------
     DataFormatError
-        Another format or a damaged archive; and whatever is wrong with what it holds, of those who
-        use it inside the `with`.
+        Another format or a damaged archive. Errors of its content, raised inside the `with`, too.
     """
     try:
         with open_arrays(path) as arrays:

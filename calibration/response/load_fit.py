@@ -41,10 +41,12 @@ LEAST_SPREAD = 0.5  # counts: below it a taxel is dead
 AT_REST = 0.05  # share of the range of a load that a reference may stand off at rest
 SEEN_AT_REST = 0.02  # of it, that is not worth a note: noise and creep
 WARMER = 0.8  # of the square of what rest wanders, that may be left with a temperature
-APART, LEAST_ALIKE = 0.13, 8  # standard deviation of the ratios of gains in two recordings above
-# which their taxels may not be the same (over days of an insole .075), and taxels it needs
-ALIKE, CHANCE = 0.3, 2.0  # correlation of gains that shows the same order (.6 over days of 7.5 %, 0
-# in another order), and standard deviations of one by chance that it has to pass
+# Channels of two recordings may have another order where the ratios of their gains have a standard
+# deviation above `APART` (over days of an insole .075), on `LEAST_ALIKE` taxels or more. They have
+# the same where the gains correlate by `ALIKE` (.6 over days of 7.5 %; 0 in another order) and by
+# `CHANCE` standard deviations of a correlation by chance.
+APART, LEAST_ALIKE = 0.13, 8
+ALIKE, CHANCE = 0.3, 2.0
 HALF_INSIDE = 0.6745  # standard deviations either way that hold half
 FULL_ROWS, FULL_RANGE = 0.1, 0.3  # a taxel is saturated that stands still at its end in so many
 # rows while the load goes through so much of its range

@@ -167,7 +167,7 @@ def _draw_members(axis: Any, places: FloatArray, labels: IntArray, palette: Floa
 def _draw_bar(axis: Any) -> None:
     """A bar of a round length [mm] below the left corner of what is drawn."""
     (left, right), (low, high) = axis.get_xlim(), axis.get_ylim()
-    length = max(one for one in BARS if one <= max(0.4 * (right - left), BARS[0]))
+    length = max(one for one in BARS if one <= max(0.15 * (right - left), BARS[0]))
     below = low - 0.02 * (high - low)
     axis.plot([left, left + length], [below, below], color="black", linewidth=1.5, clip_on=False)
     label = f"{length:g} mm"

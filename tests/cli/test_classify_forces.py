@@ -150,7 +150,7 @@ def test_a_rest_far_off_the_calibration_refuses_the_force(skin) -> None:
 def test_pressures_have_no_force_by_a_calibration_of_raw_counts(
     folder: Path, skin, tmp_path: Path
 ) -> None:
-    reason, model = "raw counts are calibrated, and pressures come", straight(len(skin))
+    reason, model = "calibrated for raw counts, not for pressures", straight(len(skin))
     raw, part = replace(model, rest=model.rest + 60.0), PreparedSkin(skin)
     samples = pressed(skin, 0.0)
     assert weighed(PartLoads(part, raw, 50.0, "pressure"), samples).refused == reason

@@ -232,7 +232,7 @@ def lines(result: ForceResult) -> Iterator[str | Table]:
         "bounds_hold:%=least_to_most",
     )
     yield "each touch is judged at its heaviest moment within the calibrated range"
-    yield "beyond_range: judged in passing, where MuJoCo's damper bears a part that no taxel feels"
+    yield "beyond_range: judged in passing; no taxel feels the part that MuJoCo's damper bears"
     yield "plain areas: the control, median error of pressures times the areas of active taxels"
 
 

@@ -30,7 +30,7 @@ STEADY = 60.0  # after so long it grows as its root: warmth comes to an end [s]
 # The heaviest moment of a touch: the median of those so far from its heaviest sample [s], and no
 # lighter than so much of it, lest a quick poke loses its peak.
 AROUND, NEAR = 0.1, 0.9
-PRESSURES = "raw counts are calibrated, and pressures come"
+PRESSURES = "calibrated for raw counts, not for pressures"
 ZERO_LASTS = 8 * 3600.0  # older zeros are refused [s]: another day
 
 
@@ -136,7 +136,7 @@ class PartLoads:
 
 
 def far_rest(calibration: LoadCalibration, counts: FloatArray, *, pressures: bool = False) -> str:
-    """Why cooled counts (n,), or maybe `pressures`, are no rest of a calibration; else empty."""
+    """Why cooled counts (n,), maybe `pressures`, cannot be a calibration's rest; else empty."""
     own = calibration.answered
     if not own.any():
         return ""
