@@ -239,12 +239,12 @@ def _area(results: Path, name: str) -> dict[str, Any]:
     """Rows of an area: of the last whole `make bench` and of its own program, the later first.
 
     The whole run leaves out the largest sizes and longest runs of some areas, which their own
-    programs have measured.
+    programs have measured: of two of one day, an area's own comes first.
     """
     own: dict[str, Any] = _read(results, name)
     every = _read(results, "bench") if (results / "bench.json").is_file() else {"areas": {}}
     whole = every["areas"].get(name, {}).get("rows", {})
-    later = own.get("date", "") > every.get("date", "")
+    later = own.get("date", "") >= every.get("date", "")
     return _joined(own, whole) if later else _joined(whole, own)
 
 
