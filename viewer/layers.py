@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
 from skinmap.errors import SkinMismatchError, UnknownNameError, check_known
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.touched_taxels import Touched
 from skinmap.neighbours.offsets import auto_radius, concatenate
 from skinmap.neighbours.structures import find_structures, usual_radius, usual_tolerance

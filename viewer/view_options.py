@@ -19,8 +19,8 @@ from skinmap.errors import (
     UnknownNameError,
     UnreachableError,
 )
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.loop import TouchLoop
-from skinmap.live.moment import Moment
 from skinmap.live.sources.open_recording import open_recording
 from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.playback import Playback

@@ -21,9 +21,8 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import SkinMismatchError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.contacts.contact_tracker import ContactTracker
-from skinmap.live.contacts.named_touch import ContactEvent, NamedTouch, TouchEvent, taken
+from skinmap.live.contacts.named_touch import ContactEvent, Moment, NamedTouch, TouchEvent, taken
 from skinmap.live.contacts.touch_history import Entry, TouchBook
-from skinmap.live.moment import Moment
 from skinmap.live.namer import Namer
 from skinmap.live.response.pressures import Response, Responses
 from skinmap.live.response.rest_gate import RestGate

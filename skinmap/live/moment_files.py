@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.imports import import_optional
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.live.sources.playback import MarkedSpan
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin

@@ -30,9 +30,8 @@ from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import read_recordings
 from skinmap.live.contacts.contact_forces import TOO_LIGHT, ContactForce, PartForces
 from skinmap.live.contacts.contact_motion import MotionBook, recorded_course
-from skinmap.live.contacts.named_touch import UNNAMED, TouchEvent
+from skinmap.live.contacts.named_touch import UNNAMED, Moment, TouchEvent
 from skinmap.live.loop import TouchLoop
-from skinmap.live.moment import Moment
 from skinmap.live.publishing.publish import open_publisher
 from skinmap.live.response.loads import (
     AROUND,
