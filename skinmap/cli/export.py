@@ -620,7 +620,7 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
 def _write_folder(track: RecordedStream, output: Path, format: str) -> None:
     """Write a folder that is not there yet: readers take all files in it for theirs."""
     if format == "lerobot":
-        from skinmap.io.recordings.lerobot import write_lerobot as write
+        from skinmap.io.recordings.learning import write_lerobot as write
     else:
         from skinmap.io.ros2.bag import write_rosbag2 as write
     from skinmap.io.output import staged_folder

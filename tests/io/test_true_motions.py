@@ -76,7 +76,7 @@ def test_exported_arrays_keep_it(made, files, start):
 def test_a_format_without_it_says_so(files):
     pytest.importorskip("pyarrow")
     track = open_track(files / "t.mcap")
-    from skinmap.io.recordings.lerobot import write_lerobot
+    from skinmap.io.recordings.learning import write_lerobot
 
     with pytest.warns(SkinWarning, match="does not keep the true motion"):
         write_lerobot(track, files / "set")
