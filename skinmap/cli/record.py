@@ -33,8 +33,7 @@ from skinmap.report.present import present, singular
 
 if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.recording.recorder import Recorder
-    from skinmap.live.recording.recording_tap import RecordingTap
+    from skinmap.live.recording.recorder import Recorder, RecordingTap
 
 LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk before dropping
 LOOKED_AT = 200  # samples from which a recording is examined
@@ -123,8 +122,7 @@ def command(
     """
     from skinmap.interrupts import interrupted_once
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.recording.recorder import Recorder, continued
-    from skinmap.live.recording.recording_tap import RecordingTap
+    from skinmap.live.recording.recorder import Recorder, RecordingTap, continued
     from skinmap.live.response.loads import load_calibrations
     from skinmap.live.sources.source import Seekable, blocks
     from skinmap.recognition.classifier import GivenName
