@@ -419,7 +419,7 @@ def export_model(robot: str, parts: tuple[str, ...], output: Path, _: Any) -> Ex
 def export_touched(source: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedTouched:
     """Write where the parts of a robot were touched in a recording, or in those of a folder."""
     from skinmap.io.output import staged_file
-    from skinmap.live.sources.open_recording import open_recording
+    from skinmap.live.sources.open_source import open_recording
     from skinmap.live.touched_taxels import recordings_of, robot_of, touched_in
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -513,7 +513,7 @@ def _naming(
     """
     from skinmap.live.loop import TouchLoop
     from skinmap.live.response.loads import load_calibrations
-    from skinmap.live.sources.open_recording import open_recording
+    from skinmap.live.sources.open_source import open_recording
     from skinmap.live.touched_taxels import LEARN, robot_of
     from skinmap.recognition.named_classifiers import default_model
     from skinmap.touch.prepared_skin import PreparedSkin
@@ -586,7 +586,7 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
     from skinmap.io.output import staged_file
     from skinmap.io.recordings import learning
     from skinmap.io.ros2.bag import mapping_of
-    from skinmap.live.sources.open_recording import open_track
+    from skinmap.live.sources.open_source import open_track
 
     suffix = output.suffix.lower()
     mends = path.suffix.lower() == MCAP and not mapping_of(path).is_file()

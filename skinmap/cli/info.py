@@ -294,7 +294,7 @@ def command(recording: Path | None, robot: str | None, as_json: bool) -> None:
 
 def work(path: Path, robot: str | None) -> tuple[RecordingInfo, Counter[str], list[str]]:
     """What is in the file, its touches by label, and what is wrong with it in words."""
-    from skinmap.live.sources.open_recording import open_track
+    from skinmap.live.sources.open_source import open_track
     from skinmap.live.sources.source import check_skin
 
     loaded = open_robot(robot, ())[0] if robot else None

@@ -92,7 +92,7 @@ def command(
     """
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.marks import Marks, marks_csv, read_marks
-    from skinmap.live.sources.open_recording import open_track
+    from skinmap.live.sources.open_source import open_track
     from skinmap.touch.touch_labels import RESERVED, UNNAMED, check_label
 
     _check(recording, output, changes=table is not None)
@@ -180,7 +180,7 @@ def _found(recording: Path, robot: Robot, times: FloatArray) -> Marks:
     from skinmap.io.recordings.marks import Marks
     from skinmap.io.recordings.recorded_stream import MarkedTouch
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.sources.open_recording import open_recording
+    from skinmap.live.sources.open_source import open_recording
     from skinmap.recognition.classifier import GivenName
     from skinmap.touch.touch_labels import UNNAMED
 

@@ -68,7 +68,7 @@ def command(
     Example:  skinmap replay touch.mcap --publish lsl:demo --loop
     """
     from skinmap.live.publishing.publish import open_publisher, stream
-    from skinmap.live.sources.open_recording import open_recording
+    from skinmap.live.sources.open_source import open_recording
 
     loaded = open_robot(robot, ())[0] if robot else None
     source = open_recording(recording, robot=loaded, parts=parts or None, speed=speed, loop=loop)

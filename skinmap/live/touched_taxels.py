@@ -15,8 +15,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, SkinWarning
-from skinmap.io.recordings.mapping import find_mapping
-from skinmap.io.recordings.touch_files import is_foreign, recorded_robot
+from skinmap.io.recordings.touch_files import find_mapping, is_foreign, recorded_robot
 from skinmap.live.loop import TouchLoop
 from skinmap.live.response.pressures import Response
 from skinmap.live.sources.source import Source

@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from skinmap.cli.main import cli
 from skinmap.errors import MissingLibraryError, OutputError
 from skinmap.io.recordings.touch_files import save_recordings
-from skinmap.live.sources.open_recording import open_track
+from skinmap.live.sources.open_source import open_track
 from skinmap.touch.recording import Recording
 
 PART = "left_hand"

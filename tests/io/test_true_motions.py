@@ -14,7 +14,7 @@ from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, SkinWarning
 from skinmap.io.mcap.writing import TOUCHES, McapRecording
 from skinmap.io.recordings.marks import Marks
-from skinmap.live.sources.open_recording import open_track
+from skinmap.live.sources.open_source import open_track
 
 PART = "left_hand"
 

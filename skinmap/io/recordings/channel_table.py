@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning
-from skinmap.io.recordings.mapping import Mapping, needed_mapping
+from skinmap.io.recordings.touch_files import Mapping, needed_mapping
 from skinmap.io.robots.manifest import load_robot
 from skinmap.io.text import DECIMAL_COMMA, MAX_CHANNEL, check_file
 from skinmap.skin.robot import Robot
