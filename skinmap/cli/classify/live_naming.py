@@ -28,13 +28,15 @@ from skinmap.cli.classify.classify_result import (
 from skinmap.commands.options import open_robot, open_stream
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import read_recordings
-from skinmap.live.contacts.contact_forces import TOO_LIGHT, ContactForce, PartForces
 from skinmap.live.contacts.contact_motion import MotionBook, recorded_course
 from skinmap.live.contacts.named_touch import UNNAMED, Moment, TouchEvent
 from skinmap.live.loop import TouchLoop
 from skinmap.live.publishing.publish import open_publisher
 from skinmap.live.response.loads import (
     AROUND,
+    TOO_LIGHT,
+    ContactForce,
+    PartForces,
     far_rest,
     heaviest_load,
     load_calibrations,

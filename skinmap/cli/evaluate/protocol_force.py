@@ -16,7 +16,7 @@ from skinmap.recognition.protocols.results import ForceResult, ForceRow
 from skinmap.report.table import Table
 
 if TYPE_CHECKING:
-    from skinmap.live.contacts.contact_forces import PartForces
+    from skinmap.live.response.loads import PartForces
     from skinmap.physics.pressing import Pressed
     from skinmap.physics.simulation import Ground
     from skinmap.touch.prepared_skin import PreparedSkin
@@ -97,7 +97,7 @@ def work(settings: Settings) -> ForceResult:
 
 def press_part(prepared: PreparedSkin, seed: tuple[int, ...], *, count: int) -> list[Judged]:
     """Touch a part with each body so often, its taxels calibrated in a chamber before."""
-    from skinmap.live.contacts.contact_forces import PartForces
+    from skinmap.live.response.loads import PartForces
     from skinmap.parallel.run import task_rng
     from skinmap.physics.simulation import (
         draw_people,

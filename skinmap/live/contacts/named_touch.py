@@ -19,7 +19,7 @@ from skinmap.summary import Drawable, Summary, listed
 from skinmap.touch.prepared_skin import PreparedSkin
 
 if TYPE_CHECKING:
-    from skinmap.live.contacts.contact_forces import ContactForce
+    from skinmap.live.response.loads import ContactForce
     from skinmap.recognition.answers import Answer, Answers, HandAnswer
 
 UNNAMED = "touch"  # what a touch is called while nobody has named it
