@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinError
-from skinmap.io.mcap.file_overview import NAME, Overview, OverviewMaker
 from skinmap.io.mcap.mcap_scan import (
     CONTENT,
     DAMAGED,
@@ -45,9 +44,12 @@ from skinmap.io.mcap.writing import (
 )
 from skinmap.io.recordings.recorded_stream import (
     NS,
+    OVERVIEW,
     Kind,
     Loss,
     MarkedTouch,
+    Overview,
+    OverviewMaker,
     RecordedStream,
     StreamInfo,
     measured_rate,
@@ -293,7 +295,7 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
             if isinstance(count, int)
         },
         manifest=head.get("manifest", ""),
-        overview=Overview.parse(index.found.attachments.get(NAME, b""), parts),
+        overview=Overview.parse(index.found.attachments.get(OVERVIEW, b""), parts),
     )
 
 
@@ -571,7 +573,7 @@ def _copied(
             writer.add_metadata(METADATA, head)
             numbers = _channels(writer, index, head)
             for name, data in sorted(index.found.attachments.items()):
-                if name in (NAME, WHOLE):
+                if name in (OVERVIEW, WHOLE):
                     continue  # of the other file
                 writer.add_attachment(name, "text/csv", data)
             yield writer, numbers

@@ -23,11 +23,12 @@ from numpy.typing import NDArray
 
 from skinmap import __version__
 from skinmap.errors import OutputError, SkinMismatchError
-from skinmap.io.mcap.file_overview import NAME, OverviewMaker
 from skinmap.io.mcap.mcap_scan import WHOLE
 from skinmap.io.recordings.recorded_stream import (
+    OVERVIEW,
     Kind,
     MarkedTouch,
+    OverviewMaker,
     RecordedStream,
     nanoseconds_of,
     whole_counts,
@@ -153,7 +154,7 @@ class McapWriter:
                 for name, content in (metadata or {}).items():
                     self._writer.add_metadata(name, dict(content))
                 if overview is not None:
-                    self.add_attachment(NAME, "text/csv", overview)
+                    self.add_attachment(OVERVIEW, "text/csv", overview)
                     whole = {"bytes": self._sink.size, "crc32": self._sink.checksum}
                     self.add_attachment(WHOLE, "application/json", json.dumps(whole).encode())
                 self._writer.finish()

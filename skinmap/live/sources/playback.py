@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, check_finite
 from skinmap.errors import InvalidArrayError
-from skinmap.io.mcap.file_overview import Overview
-from skinmap.io.recordings.recorded_stream import MarkedTouch, Samples
+from skinmap.io.recordings.recorded_stream import MarkedTouch, Overview, Samples
 from skinmap.live.sources.source import MAX_BLOCK, Block, Seekable, SourceEnded, StreamInfo
 
 GAP = 0.5  # without a sample: something is lost [s]
