@@ -56,7 +56,7 @@ from skinmap.io.recordings.recorded_stream import (
     nanoseconds_of,
     seconds_of,
 )
-from skinmap.io.ros2 import message_types as ros2
+from skinmap.io.ros2 import messages as ros2
 from skinmap.io.ros2.messages import read_joints, read_text, text_message
 from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED
 from skinmap.io.taxels.taxel_table import parse_csv

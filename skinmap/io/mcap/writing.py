@@ -33,7 +33,7 @@ from skinmap.io.recordings.recorded_stream import (
     nanoseconds_of,
     whole_counts,
 )
-from skinmap.io.ros2 import message_types as ros2
+from skinmap.io.ros2 import messages as ros2
 from skinmap.io.ros2.messages import TouchMarker, joints_message, text_message
 from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED, TYPES, RobotTopics, RobotView
 from skinmap.io.taxels.taxel_table import csv_text

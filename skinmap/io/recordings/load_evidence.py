@@ -312,7 +312,7 @@ def _columns(
     content: Content, messages: Messages, kind: str, path: Path
 ) -> tuple[FloatArray, NDArray[Any]]:
     """Times (t,) [s] and values (t, ...) of the messages of one topic, in the order of time."""
-    from skinmap.io.ros2.message_types import nanoseconds_of, read
+    from skinmap.io.ros2.messages import nanoseconds_of, read
 
     stamps, rows = [], []
     for row in messages.order().tolist():

@@ -22,8 +22,7 @@ from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.dumper import PartLog, side_by_side
 from skinmap.io.recordings.recorded_stream import Kind, RecordedStream, seconds_of
 from skinmap.io.robots.manifest import load_robot
-from skinmap.io.ros2.message_types import nanoseconds_of
-from skinmap.io.ros2.messages import points_of
+from skinmap.io.ros2.messages import nanoseconds_of, points_of
 from skinmap.io.text import read_toml
 from skinmap.skin.robot import Robot
 from skinmap.validation import checked, toml_table

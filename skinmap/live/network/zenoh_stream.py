@@ -29,8 +29,7 @@ from skinmap.errors import (
     UnreachableError,
 )
 from skinmap.imports import import_optional
-from skinmap.io.ros2.message_types import dds_name, read, type_hash
-from skinmap.io.ros2.messages import read_cloud, read_text, text_message
+from skinmap.io.ros2.messages import dds_name, read, read_cloud, read_text, text_message, type_hash
 from skinmap.io.ros2.robot_topics import LATCHED
 from skinmap.live.network.network_messages import (
     HERE,

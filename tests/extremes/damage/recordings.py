@@ -39,8 +39,15 @@ from skinmap.io.recordings.touch_files import (
 )
 from skinmap.io.recordings.xdf import read_xdf, read_xdf_parts
 from skinmap.io.ros2.bag import read_bag, read_bag_mapping, read_bag_parts
-from skinmap.io.ros2.message_types import build, definition, full_name, write
-from skinmap.io.ros2.messages import Cloud, joints_message, read_joints
+from skinmap.io.ros2.messages import (
+    Cloud,
+    build,
+    definition,
+    full_name,
+    joints_message,
+    read_joints,
+    write,
+)
 from skinmap.io.taxels.cyskin import CySkin, write_cyskin
 from skinmap.live.network.zenoh_stream import CLOUD, values_of
 from skinmap.memory_features import FEATURES
