@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.cli.evaluate.evaluation import Evaluation, Settings
+from skinmap.cli.evaluate.command import Evaluation, Settings
 from skinmap.commands.options import open_robot
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.protocols.results import ForceResult, ForceRow

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from skinmap.arrays import FloatArray
-from skinmap.cli.evaluate.evaluation import Evaluation, Own, Rows, Settings, write_predictions
+from skinmap.cli.evaluate.command import Evaluation, Own, Rows, Settings, write_predictions
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.protocols.results import LoadRow, LoadsResult

@@ -13,7 +13,7 @@ import click
 import numpy as np
 from msgspec import Meta
 
-from skinmap.cli.evaluate.evaluation import Evaluation, Own, Rows, Settings
+from skinmap.cli.evaluate.command import Evaluation, Own, Rows, Settings
 from skinmap.commands.options import MAX_TOUCHES, open_robot
 from skinmap.recognition.protocols.results import BaxterResult, CarrySummary, KasparResult, SweepRow
 from skinmap.report.page import plain_figure, save_figure

@@ -11,7 +11,7 @@ from msgspec import Meta
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.cli.evaluate.evaluation import Evaluation, Own, Rows, Settings, write_predictions
+from skinmap.cli.evaluate.command import Evaluation, Own, Rows, Settings, write_predictions
 from skinmap.commands.progress import progress
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, SkinError
 from skinmap.recognition.protocols.results import PrintsResult

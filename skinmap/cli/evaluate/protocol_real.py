@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.cli.evaluate.evaluation import Evaluation, Rows, Settings
+from skinmap.cli.evaluate.command import Evaluation, Rows, Settings
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.protocols.results import CountRow, FingersResult, HandsResult

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import Evaluation, Folds, Rows, Settings, chosen_gestures
+from skinmap.cli.evaluate.command import Evaluation, Folds, Rows, Settings, chosen_gestures
 from skinmap.errors import InvalidArrayError, check_known
 from skinmap.recognition.protocols.results import LeftOutRow, RecordingsResult
 from skinmap.report.result import given

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import click
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import Evaluation, Gestures, Rows, Settings, chosen_gestures
+from skinmap.cli.evaluate.command import Evaluation, Gestures, Rows, Settings, chosen_gestures
 from skinmap.commands.options import open_robot
 from skinmap.recognition.protocols.results import (
     CrossPatchResult,
