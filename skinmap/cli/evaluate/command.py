@@ -62,7 +62,7 @@ ON_DATA = {  # protocols of files that users bring: how many, and their names
 # Protocols that share a module.
 HOMES = dict.fromkeys(("kaspar", "baxter"), "papers")
 HOMES |= dict.fromkeys(("cross-patch", "physics", "time"), "simulated")
-HOMES |= {"fingers": "real", "hands": "real", "load": "force"}
+HOMES |= dict.fromkeys(("fingers", "hands", "prints"), "real") | {"load": "force"}
 
 Rows = list[list[Cell]]
 
