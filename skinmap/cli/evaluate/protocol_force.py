@@ -7,27 +7,39 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray
 from skinmap.cli.evaluate.command import Evaluation, Own, Rows, Settings, write_predictions
+from skinmap.clock_lines import UNEXPLAINED, align, reference_at
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError
+from skinmap.io.recordings.load_evidence import EvenRows, read_evidence
+from skinmap.live.response.loads import PartForces
+from skinmap.parallel.run import task_rng
+from skinmap.physics.pressing import Pressed, import_mujoco
+from skinmap.physics.simulation import (
+    FULL_PRESSURE,
+    Ground,
+    draw_people,
+    find_place,
+    make_ground,
+    press_place,
+    taxel_loads,
+)
+from skinmap.physics.variants import FROZEN, find_variant
+from skinmap.recognition.protocols.folds import run_repeats
 from skinmap.recognition.protocols.results import ForceResult, ForceRow, LoadRow, LoadsResult
 from skinmap.report.table import Table
 from skinmap.rows import percent
+from skinmap.skin.checks import twin_parts
+from skinmap.touch.contacts.skin_geometry import ACTIVE, find_contacts
 from skinmap.touch.load_calibration import LoadCalibration, Zero
-
-if TYPE_CHECKING:
-    from skinmap.io.recordings.load_evidence import EvenRows
-    from skinmap.live.response.loads import PartForces
-    from skinmap.physics.pressing import Pressed
-    from skinmap.physics.simulation import Ground
-    from skinmap.touch.prepared_skin import PreparedSkin
-    from skinmap.touch.simulation.sensing import Sensors
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.simulation.sensing import Sensing, Sensors
 
 BODIES = ("poke", "full_finger", "three_finger", "whole_hand", "ball")
 TUNED_ON = ("torso", "left_forearm")  # parts whose touches set how wide the intervals are
@@ -63,12 +75,6 @@ def judge_force(settings: Settings) -> ForceResult:
     SkinError
         MuJoCo is not installed, a part that does not exist, or parts that no body fits.
     """
-    from skinmap.physics.pressing import import_mujoco
-    from skinmap.physics.variants import FROZEN
-    from skinmap.recognition.protocols.folds import run_repeats
-    from skinmap.skin.checks import twin_parts
-    from skinmap.touch.prepared_skin import PreparedSkin
-
     import_mujoco()
     loaded, parts = open_robot(settings.robot or "icub", settings.parts)
     twins = twin_parts({part: loaded.skin(part) for part in loaded.parts})
@@ -104,18 +110,6 @@ def judge_force(settings: Settings) -> ForceResult:
 
 def press_part(prepared: PreparedSkin, seed: tuple[int, ...], *, count: int) -> list[Judged]:
     """Touch a part with each body so often, its taxels calibrated in a chamber before."""
-    from skinmap.live.response.loads import PartForces
-    from skinmap.parallel.run import task_rng
-    from skinmap.physics.simulation import (
-        draw_people,
-        find_place,
-        make_ground,
-        press_place,
-        taxel_loads,
-    )
-    from skinmap.physics.variants import FROZEN, find_variant
-    from skinmap.touch.simulation.sensing import Sensing, Sensors
-
     rng = task_rng(seed)
     skin, variant = prepared.skin, find_variant(FROZEN)
     ground = make_ground(skin, variant, rng=rng)
@@ -142,8 +136,6 @@ def in_chamber(
     ground: Ground, sensors: Sensors, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Slope (n,) [Pa a count] of each taxel under even pressures, and its doubt (n,) [Pa]."""
-    from skinmap.physics.simulation import FULL_PRESSURE
-
     levels = np.repeat(np.linspace(0.0, TOP, STEPS), EACH)
     n = len(ground.bed.skin)
     counts = sensors.read(np.repeat(levels[:, None], n, axis=1), rng=rng).astype(np.float64)
@@ -168,8 +160,6 @@ def _judge(
     forces: PartForces,
 ) -> Judged:
     """Our answer at the heaviest moment within range, which the readings alone choose."""
-    from skinmap.touch.contacts.skin_geometry import ACTIVE, find_contacts
-
     inside: BoolArray = np.asarray((counts < SATURATED).all(axis=1))
     sums = np.where(inside, counts.sum(axis=1), -1.0)
     moment = int(sums.argmax())
@@ -261,8 +251,6 @@ def judge_load(settings: Settings) -> LoadsResult:
     SkinError
         A file that is missing, damaged, of another number of taxels or without samples.
     """
-    from skinmap.io.recordings.load_evidence import read_evidence
-
     model, *recordings = settings.recordings
     calibration = LoadCalibration.read(model)
     zero: Zero = settings.own.zero
@@ -326,8 +314,6 @@ def _beside(
     even: EvenRows, found: tuple[FloatArray, FloatArray, FloatArray]
 ) -> tuple[float | None, float | None, float | None, str]:
     """Error, share of intervals that hold, what alignment leaves open, and why there are none."""
-    from skinmap.clock_lines import UNEXPLAINED, align, reference_at
-
     one = even.evidence
     if not one.kind:
         return None, None, None, ""

@@ -10,24 +10,35 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
+from skinmap.archive import open_arrays
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.cli.evaluate.command import Evaluation, Own, Rows, Settings, write_predictions
 from skinmap.commands.progress import progress
 from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, SkinError
+from skinmap.io.recordings.cyskin_arrays import PressedSkin, find_pressed, read_pressed
+from skinmap.io.text import check_file
+from skinmap.live.contacts.contact_tracker import ContactTracker
+from skinmap.live.robot_skin import JoinedSkin
+from skinmap.recognition.protocols import fingers as protocol
+from skinmap.recognition.protocols.prints import (
+    Answers,
+    Prints,
+    find_spots,
+    fit_areas,
+    match_prints,
+)
 from skinmap.recognition.protocols.results import CountRow, FingersResult, HandsResult, PrintsResult
 from skinmap.report.table import Table
 from skinmap.rows import percent
-
-if TYPE_CHECKING:
-    from skinmap.io.recordings.cyskin_arrays import PressedSkin
-    from skinmap.recognition.protocols.prints import Answers, Prints
-    from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.contacts.rest import felt, find_rest
+from skinmap.touch.contacts.skin_geometry import ACTIVE, connected
+from skinmap.touch.prepared_skin import PreparedSkin
 
 ARCHIVE, FOLDER = "fingers*.npz", "gesture_patch"
 
@@ -42,9 +53,6 @@ def pressed_skin(
     SkinError
         A folder without the files, or files that are damaged or of another skin.
     """
-    from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
-    from skinmap.touch.prepared_skin import PreparedSkin
-
     arrays, patch = find_pressed(settings.recordings[0], archive, folder)
     data = read_pressed(arrays, patch)
     skin = PreparedSkin(data.skin)
@@ -64,8 +72,6 @@ def judge_fingers(settings: Settings) -> FingersResult:
         A folder without the files, files that are damaged or of another skin, or recordings that
         cannot be judged.
     """
-    from skinmap.recognition.protocols import fingers as protocol
-
     data, skin, facts = pressed_skin(settings, ARCHIVE, FOLDER)
     classes = protocol.check_fingers(finger_counts(data, facts["archive"]))
     pairs: dict[str, list[CountRow]] = {"live": [], "chosen": [], "trained": []}
@@ -106,8 +112,6 @@ def finger_counts(data: PressedSkin, path: str) -> IntArray:
     DataFormatError
         The archive does not say.
     """
-    from skinmap.errors import DataFormatError
-
     if data.classes is None:
         raise DataFormatError("no array 'file_class' (fingers that touched in each file)", path)
     return data.classes
@@ -115,10 +119,6 @@ def finger_counts(data: PressedSkin, path: str) -> IntArray:
 
 def tracked(skin: PreparedSkin, data: PressedSkin, *, first: int | None = None) -> IntArray:
     """(f,) contacts of the live tracker in the heaviest sample of each recording."""
-    from skinmap.live.contacts.contact_tracker import ContactTracker
-    from skinmap.live.robot_skin import JoinedSkin
-    from skinmap.touch.contacts.rest import felt, find_rest
-
     joined = JoinedSkin({data.skin.part: skin})
     counts = []
     for times, pressures in zip(data.times, data.files, strict=True):
@@ -207,10 +207,6 @@ def follow(skin: PreparedSkin, data: PressedSkin) -> IntArray:
         Active taxels; contacts of the live tracker; those of one taxel; connected active taxels,
         specks and all.
     """
-    from skinmap.live.contacts.contact_tracker import ContactTracker
-    from skinmap.live.robot_skin import JoinedSkin
-    from skinmap.touch.contacts.skin_geometry import ACTIVE, connected
-
     joined, rows = JoinedSkin({data.skin.part: skin}), []
     for times, pressures in zip(data.times, data.files, strict=True):
         tracker = ContactTracker(joined)
@@ -257,9 +253,6 @@ class Grid:
     """One file: `readings (t, rows, columns)`, and where they are there `prints` and `person`."""
 
     def __init__(self, path: Path) -> None:
-        from skinmap.archive import open_arrays
-        from skinmap.io.text import check_file
-
         check_file(path, "an archive of readings (.npz)", 2**32)
         try:
             with open_arrays(path) as found:
@@ -322,8 +315,6 @@ def judge_prints(settings: Settings) -> PrintsResult:
     SkinError
         A file that is missing, damaged, without prints to train on, or with too few people.
     """
-    from skinmap.recognition.protocols.prints import find_spots, fit_areas, match_prints
-
     train, test = (Grid(path) for path in settings.recordings)
     for name in ("prints", "person"):
         if getattr(train, name) is None:

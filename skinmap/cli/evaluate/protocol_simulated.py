@@ -23,6 +23,19 @@ from skinmap.commands.options import open_robot
 from skinmap.live.contacts.contact_motion import MotionBook
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.robot_skin import JoinedSkin
+from skinmap.physics.pressing import import_mujoco
+from skinmap.physics.variants import DEFAULT, FROZEN, TUNING, VARIANTS
+from skinmap.recognition.protocols import physics
+from skinmap.recognition.protocols.cross_patch import (
+    DEFAULTS,
+    OURS,
+    check_carries_over,
+    cut_patches,
+    score_patches,
+    summarise,
+    touch_patches,
+)
+from skinmap.recognition.protocols.physics import evaluate_in_time, play
 from skinmap.recognition.protocols.results import (
     CrossPatchResult,
     PatchesRow,
@@ -34,9 +47,11 @@ from skinmap.recognition.protocols.results import (
 )
 from skinmap.report.table import Table
 from skinmap.rows import percent
+from skinmap.skin.checks import twin_parts
 from skinmap.touch.contacts.rest import felt
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording, TrueMotion
+from skinmap.touch.simulation.gestures import TIME
 
 
 class CrossPatch(Gestures):
@@ -47,15 +62,6 @@ class CrossPatch(Gestures):
 
 def judge_cross_patch(settings: Settings) -> CrossPatchResult:
     """Run the protocol."""
-    from skinmap.recognition.protocols.cross_patch import (
-        DEFAULTS,
-        check_carries_over,
-        cut_patches,
-        score_patches,
-        summarise,
-        touch_patches,
-    )
-
     names, other = settings.names or DEFAULTS, settings.own.train_robot
     check_carries_over(names)
     gestures = chosen_gestures(settings)
@@ -100,12 +106,6 @@ def cross_patch_lines(result: CrossPatchResult) -> Iterator[str | Table]:
 
 def judge_physics(settings: Settings) -> PhysicsResult:
     """Run the protocol."""
-    from skinmap.physics.pressing import import_mujoco
-    from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
-    from skinmap.recognition.protocols import physics
-    from skinmap.recognition.protocols.cross_patch import check_carries_over
-    from skinmap.touch.prepared_skin import PreparedSkin
-
     if len(settings.names) > 1:
         raise click.UsageError("--protocol physics judges one classifier: name it once")
     import_mujoco()
@@ -157,13 +157,6 @@ def judge_time(settings: Settings) -> TimeResult:
     InvalidArrayError
         Fewer than two parts.
     """
-    from skinmap.physics.variants import DEFAULT, FROZEN
-    from skinmap.recognition.protocols.cross_patch import OURS
-    from skinmap.recognition.protocols.physics import evaluate_in_time, play
-    from skinmap.skin.checks import twin_parts
-    from skinmap.touch.prepared_skin import PreparedSkin
-    from skinmap.touch.simulation.gestures import TIME
-
     if settings.names:
         raise click.UsageError("--protocol time judges the default classifier: no --classifier")
     gestures = TIME if settings.own.gestures == "four" else chosen_gestures(settings)
