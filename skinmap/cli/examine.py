@@ -13,9 +13,9 @@ from skinmap.io.output import staged_file, staged_folder
 from skinmap.report.present import PAGE, emit, show
 from skinmap.report.result import REFUSED_CODE, significant
 from skinmap.report.table import Table
-from skinmap.soundness.examination import Examined
+from skinmap.soundness.examination import Examined, arrays_of, examine_tracks, mend
 from skinmap.soundness.finding import Finding
-from skinmap.soundness.track import Track
+from skinmap.soundness.track import Track, files_of, placed, tracks
 from skinmap.summary import first_few
 
 MOST = 3  # stretches of rows in a line
@@ -42,9 +42,6 @@ def command(
     \b
     Example:  skinmap examine touches.npz --json
     """
-    from skinmap.soundness.examination import examine_tracks
-    from skinmap.soundness.track import files_of, placed, tracks
-
     given = (one for path in files for one in files_of(path))
     if mend is not None and mend.exists() and any(mend.samefile(one) for one in given):
         raise OutputError(f"cannot write {str(mend)!r}: it is one of those that are read")
@@ -77,8 +74,6 @@ def command(
 def _mend(track: Track, path: Path) -> None:
     """Write the mended copy of a recording."""
     import numpy as np
-
-    from skinmap.soundness.examination import arrays_of, mend
 
     mended, done = mend(track)
     with staged_file(path) as stage:

@@ -21,6 +21,8 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.progress import progress
 from skinmap.errors import KINDS, DataFormatError, MissingFileError, OutputError, UnknownNameError
+from skinmap.imports import import_optional
+from skinmap.io.output import staged_file, staged_folder
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
@@ -376,8 +378,6 @@ def _is_recording(path: Path) -> bool:
 
 def export_taxels(source: str, parts: tuple[str, ...], output: Path, format: str) -> ExportedTaxels:
     """Write the taxels of a part, or of a bare table."""
-    from skinmap.io.output import staged_file
-
     robot, part, table = _table(source, parts)
     _check_ending(output, format)
     with staged_file(output) as stage:
@@ -394,7 +394,6 @@ def export_taxels(source: str, parts: tuple[str, ...], output: Path, format: str
 
 def export_model(robot: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedModel:
     """Write a whole robot with its skins, or those of some parts."""
-    from skinmap.io.output import staged_file
     from skinmap.io.robots.mjcf import write_mjcf
 
     loaded, names = open_robot(robot, parts)
@@ -418,7 +417,6 @@ def export_model(robot: str, parts: tuple[str, ...], output: Path, _: Any) -> Ex
 
 def export_touched(source: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedTouched:
     """Write where the parts of a robot were touched in a recording, or in those of a folder."""
-    from skinmap.io.output import staged_file
     from skinmap.live.sources.open_source import open_recording
     from skinmap.live.touched_taxels import recordings_of, robot_of, touched_in
     from skinmap.touch.prepared_skin import PreparedSkin
@@ -466,7 +464,6 @@ def export_images(source: str, parts: tuple[str, ...], output: Path, _: Any) -> 
     import numpy as np
 
     from skinmap.cli.collection import collect
-    from skinmap.io.output import staged_folder
     from skinmap.io.recordings.image_files import LabelledImages, write_images
     from skinmap.touch.contacts.skin_geometry import pressed
     from skinmap.touch.images.contact_image import SIZE, paper_images
@@ -538,8 +535,6 @@ def _naming(
 
 def export_rerun(source: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedRecording:
     """Write a recording as a file of rerun, its touches named by the model of Skinmap."""
-    from skinmap.imports import import_optional
-    from skinmap.io.output import staged_file
     from skinmap.live.moment_files import NEED, write_rerun
 
     import_optional("rerun", NEED)  # before any work is done
@@ -554,8 +549,6 @@ def export_contacts(
     source: str, parts: tuple[str, ...], output: Path, calibrations: tuple[str, ...]
 ) -> ExportedRecording:
     """Write the touches of a recording as a table, a row for each touch and sample."""
-    from skinmap.imports import import_optional
-    from skinmap.io.output import staged_file
     from skinmap.live.moment_files import NEED_ARROW, write_contacts
 
     parquet = output.suffix.lower() == ".parquet"
@@ -583,7 +576,6 @@ def _named_recording(loop: TouchLoop, format: str, samples: int, output: Path) -
 def export_recording(path: Path, output: Path, format: str | None = None) -> ExportedRecording:
     """Write a recording as arrays, a data set, a bag, or an MCAP that is whole again."""
     from skinmap.io.mcap.reading import write_repaired
-    from skinmap.io.output import staged_file
     from skinmap.io.recordings import learning
     from skinmap.io.ros2.bag import mapping_of
     from skinmap.live.sources.open_source import open_track
@@ -623,8 +615,6 @@ def _write_folder(track: RecordedStream, output: Path, format: str) -> None:
         from skinmap.io.recordings.learning import write_lerobot as write
     else:
         from skinmap.io.ros2.bag import write_rosbag2 as write
-    from skinmap.io.output import staged_folder
-
     _check_new(output)
     with staged_folder(output) as stage:
         write(track, stage)

@@ -14,7 +14,9 @@ import click
 from skinmap.commands.options import PATH, open_robot, out_file, prints, robot_option
 from skinmap.commands.overwriting import protect
 from skinmap.errors import MissingFileError, OutputError, SkinError
+from skinmap.io.output import staged_file
 from skinmap.report.present import present
+from skinmap.touch.touch_labels import RESERVED, UNNAMED, check_label
 
 if TYPE_CHECKING:
     from skinmap.arrays import FloatArray
@@ -90,10 +92,8 @@ def command(
               skinmap label touch.mcap -o touches.csv
               skinmap label touch.mcap touches.csv -o named.mcap
     """
-    from skinmap.io.output import staged_file
     from skinmap.io.recordings.marks import Marks, marks_csv, read_marks
     from skinmap.live.sources.open_source import open_track
-    from skinmap.touch.touch_labels import RESERVED, UNNAMED, check_label
 
     _check(recording, output, changes=table is not None)
     label = None if name is None else check_label(name)
@@ -182,7 +182,6 @@ def _found(recording: Path, robot: Robot, times: FloatArray) -> Marks:
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.open_source import open_recording
     from skinmap.recognition.classifier import GivenName
-    from skinmap.touch.touch_labels import UNNAMED
 
     source = open_recording(recording, robot=robot, speed=float("inf"))
     loop = TouchLoop(robot, source, classifier=GivenName(FOUND), singly=True)
@@ -241,7 +240,6 @@ def write_marked_recording(
     `own` are its pressures; none where it is copied as it is.
     """
     from skinmap.io.mcap.reading import write_marked
-    from skinmap.io.output import staged_file
     from skinmap.io.recordings.marks import remarked
     from skinmap.io.recordings.touch_files import save_recordings
 

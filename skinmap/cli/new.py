@@ -12,7 +12,20 @@ import click
 
 from skinmap.commands.options import PATH, out_file, prints
 from skinmap.commands.overwriting import FORCE
-from skinmap.io.robots.new_manifest import KNOWN_UNITS, NEAR, Candidate
+from skinmap.errors import SkinWarning, check_known
+from skinmap.io.robots.new_manifest import (
+    KNOWN_UNITS,
+    NEAR,
+    Candidate,
+    NewPart,
+    candidates,
+    in_question,
+    mesh_units,
+    part_names,
+    robot_name,
+    unclear,
+    write_manifest,
+)
 from skinmap.io.text import UNITS
 from skinmap.report.present import emit, present, show
 from skinmap.report.table import Table
@@ -138,15 +151,7 @@ def work(
     """Read the files, find units and links, ask where a terminal is there, and write."""
     import warnings
 
-    from skinmap.errors import SkinWarning, check_known
     from skinmap.io.robots.mesh_file import MESH_SUFFIXES
-    from skinmap.io.robots.new_manifest import (
-        NewPart,
-        mesh_units,
-        part_names,
-        robot_name,
-        write_manifest,
-    )
     from skinmap.io.robots.urdf import MeshBody, UrdfBody
     from skinmap.io.taxels.taxel_table import read_taxels
     from skinmap.skin.robot import Robot
@@ -217,8 +222,6 @@ def _settle(
     part: str, table: TaxelTable, robot: Robot, units: str | None, link: str | None
 ) -> tuple[list[Candidate], list[str]]:
     """Candidates for a table, the choice first, and the open questions."""
-    from skinmap.io.robots.new_manifest import candidates, in_question, unclear
-
     if link is None and table.link in robot.body.links:
         link = table.link
     known: dict[str, str | None] = {"units": units, "link": link}
@@ -264,9 +267,6 @@ def in_terminal() -> bool:
 def _warn(chosen: Candidate, table: TaxelTable, robot: Robot, stated: str | None) -> None:
     """Warn of a stated unit that another one fits better than, and of a skin far off its link."""
     import warnings
-
-    from skinmap.errors import SkinWarning
-    from skinmap.io.robots.new_manifest import candidates, unclear
 
     others = candidates(chosen.part, table, robot, KNOWN_UNITS, (chosen.link,))
     better = others[0]

@@ -30,6 +30,7 @@ from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import is_quiet
 from skinmap.errors import OutputError, SkinWarning, UnknownNameError
 from skinmap.report.present import present, singular
+from skinmap.touch.touch_labels import RESERVED, check_label
 
 if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
@@ -128,7 +129,6 @@ def command(
     from skinmap.recognition.classifier import GivenName
     from skinmap.recognition.model_file import load_classifier
     from skinmap.touch.prepared_skin import PreparedSkin
-    from skinmap.touch.touch_labels import check_label
 
     if label is not None and model is not None:
         raise click.UsageError("--label and --model both name the touches; give one")
@@ -305,7 +305,6 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
     """Mark the touches that are over; one without a name, or cut off, is nothing to train on."""
     from skinmap.recognition.answers import answers_object
-    from skinmap.touch.touch_labels import RESERVED
 
     shown.withdrawn += len(loop.withdrawn())
     for event in loop.finished():

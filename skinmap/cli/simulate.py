@@ -29,7 +29,8 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import progress
-from skinmap.errors import SkinWarning
+from skinmap.errors import SkinWarning, UnknownNameError, check_known
+from skinmap.io.output import staged_file
 from skinmap.report.present import present
 
 PHYSICS = ("ours", "mujoco")
@@ -141,8 +142,6 @@ class StreamResult:
 
 def _faults(ctx: click.Context, param: click.Parameter, given: tuple[str, ...]) -> dict[str, Any]:
     """Values of `--fault NAME=VALUE` by name."""
-    from skinmap.errors import check_known
-
     found = {}
     for one in given:
         name, _, value = one.partition("=")
@@ -153,7 +152,6 @@ def _faults(ctx: click.Context, param: click.Parameter, given: tuple[str, ...]) 
 
 def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[str, str]:
     """The physics of the touches, and its variant in MuJoCo."""
-    from skinmap.errors import UnknownNameError
     from skinmap.physics.variants import DEFAULT, VARIANTS
 
     physics, _, variant = given.partition(":")
@@ -291,7 +289,6 @@ def work(
     """Simulate touches on all parts and write them; a `variant` is of MuJoCo's physics."""
     import numpy as np
 
-    from skinmap.io.output import staged_file
     from skinmap.io.recordings.touch_files import check_suffix, save_recordings
     from skinmap.physics.simulation import simulate as press
     from skinmap.touch.simulation.hands import gesture_set

@@ -13,6 +13,7 @@ import click
 from skinmap import __version__
 from skinmap.commands.options import Whole, number, open_robot, out_folder, part_option, prints
 from skinmap.commands.progress import progress
+from skinmap.errors import SkinError, check_known
 from skinmap.profile import FORMAT, PROFILE, Value
 from skinmap.report.present import present
 from skinmap.report.result import significant
@@ -98,8 +99,6 @@ def work(
     SkinError
         Nothing could be measured, or no setting keeps a limit.
     """
-    from skinmap.errors import SkinError
-
     chosen = _tasks(names)
     limit = None if max_ms is None else max_ms / 1e3
     loaded, wanted = open_robot(robot, parts)
@@ -154,8 +153,6 @@ def every_task() -> dict[str, TradeTask]:
 
 def _tasks(names: tuple[str, ...]) -> dict[str, TradeTask]:
     """The tasks asked for by name."""
-    from skinmap.errors import check_known
-
     known = every_task()
     check_known("trade task", (name for name in names if name != ALL), known)
     return known if ALL in names else {name: known[name] for name in dict.fromkeys(names)}

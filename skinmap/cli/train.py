@@ -23,6 +23,8 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
+from skinmap.errors import InvalidArrayError, UnknownNameError, check_known
+from skinmap.io.output import staged_file
 from skinmap.report.present import present
 from skinmap.summary import first_few
 
@@ -233,8 +235,6 @@ def work(
     import numpy as np
 
     from skinmap.cli.collection import collect
-    from skinmap.errors import UnknownNameError
-    from skinmap.io.output import staged_file
     from skinmap.neighbours.offsets import auto_radius
     from skinmap.neighbours.structures import RADIUS, usual_radius
     from skinmap.recognition.answering import (
@@ -314,7 +314,6 @@ def _split(found: Collection, parts: Sequence[str], rng: Generator) -> Split:
     InvalidArrayError
         Fewer than two labels.
     """
-    from skinmap.errors import InvalidArrayError, check_known
     from skinmap.recognition.evaluate import split_parts
     from skinmap.recognition.protocols.recordings import check_spelling
 

@@ -12,6 +12,8 @@ import click
 
 from skinmap.commands.overwriting import force_option, guard
 from skinmap.commands.profiles import profile_option as profile_option
+from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError, unknown_name
+from skinmap.io.output import check_folder
 from skinmap.io.text import UNITS
 
 if TYPE_CHECKING:
@@ -80,8 +82,6 @@ class Written(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path of a text."""
-        from skinmap.errors import unknown_name
-
         suffix = Path(value).suffix.lower()
         if suffix not in self.suffixes:
             self.fail(unknown_name("format for files ending in", suffix, self.suffixes), param, ctx)
@@ -267,8 +267,6 @@ def read_radius(text: str) -> float | None:
 def try_folder(ctx: click.Context, param: click.Parameter, out: Path | None) -> Path | None:
     """Refuse a folder that cannot be written to, or holds a user's files, before any work."""
     if out is not None:
-        from skinmap.io.output import check_folder
-
         guard(ctx, param, out)
         check_folder(out)
     return out
@@ -366,8 +364,6 @@ def open_robot(robot: str | None, parts: tuple[str, ...]) -> tuple[Robot, tuple[
     >>> open_robot("kaspar", ("torso", "torso"))[1]
     ('torso',)
     """
-    from skinmap.errors import UnknownNameError
-
     ctx = click.get_current_context(silent=True)
     said = _recorded_robot(ctx) if robot is None else robot
     loaded = named_robot(said or "icub")
@@ -391,7 +387,6 @@ def open_stream(
     UnknownNameError, MissingFileError, UnreachableError
         As for `open_robot` and `skinmap.open_source`.
     """
-    from skinmap.errors import SkinMismatchError
     from skinmap.io.robots.manifest import builtin_named
     from skinmap.live.sources.open_source import open_source
 
@@ -421,8 +416,6 @@ def named_robot(name: str) -> Robot:
 
 def _recorded_robot(ctx: click.Context | None) -> str:
     """The robot of the recording that a command was given; empty where nothing names one."""
-    from skinmap.errors import MissingFileError
-
     if ctx is None:
         return ""
     given = [ctx.params.get("recording"), ctx.params.get("source"), ctx.params.get("protocol")]

@@ -12,6 +12,8 @@ import click
 from click.core import ParameterSource
 from msgspec import UNSET, UnsetType
 
+from skinmap.profile import read_profile
+
 if TYPE_CHECKING:
     from skinmap.profile import Profile
 
@@ -60,8 +62,6 @@ def _take_profile(
 ) -> None:
     if path is None or ctx.resilient_parsing:
         return
-    from skinmap.profile import read_profile
-
     profile = read_profile(path)
     options = {name: option for option in ctx.command.params for name in option.opts}
     knobs: dict[str, str] = {}  # by the parameter that each sets

@@ -31,6 +31,8 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.progress import progress
 from skinmap.commands.spreading import WorkerOptions, workers_options
+from skinmap.errors import unknown_name
+from skinmap.io.output import staged_file
 from skinmap.recognition.protocols.results import EvaluateResult
 from skinmap.report.page import lines_page, media
 from skinmap.report.present import present
@@ -181,8 +183,6 @@ def chosen_gestures(settings: Settings) -> tuple[str, ...]:
 
 def write_predictions(path: Path, arrays: Mapping[str, Any]) -> None:
     """Write what a protocol answered as an archive of arrays."""
-    from skinmap.io.output import staged_file
-
     with staged_file(path) as stage, stage.open("wb") as file:
         np.savez_compressed(file, **arrays)
 
@@ -363,8 +363,6 @@ def _variety(protocol: str, asked: str | None) -> float:
 
 def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, tuple[Path, ...]]:
     """The protocol and its recordings; a file may stand in either place."""
-    from skinmap.errors import unknown_name
-
     if protocol in PROTOCOLS:
         ctx = click.get_current_context()
         if ctx.params["leave_out"]:
