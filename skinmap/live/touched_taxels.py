@@ -16,6 +16,7 @@ import numpy as np
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, SkinWarning
 from skinmap.io.recordings.touch_files import find_mapping, is_foreign, recorded_robot
+from skinmap.io.ros2.bag import METADATA, is_mapped, recordings_under
 from skinmap.live.loop import TouchLoop
 from skinmap.live.response.pressures import Response
 from skinmap.live.sources.source import Source
@@ -175,8 +176,6 @@ def recordings_of(path: Path) -> list[Path]:
     DataFormatError
         A folder of which none can be read.
     """
-    from skinmap.io.ros2.bag import METADATA, is_mapped, recordings_under
-
     if not path.is_dir() or (path / "data.log").exists() or (path / METADATA).is_file():
         return [path]
     found = sorted(

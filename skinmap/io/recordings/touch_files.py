@@ -31,6 +31,7 @@ from skinmap.io.mcap.mcap_scan import scan_summary
 from skinmap.io.mcap.reading import Index, read_head, read_track
 from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.dumper import PartLog, read_dump, read_logs
+from skinmap.io.recordings.learning import track_of_arrays
 from skinmap.io.recordings.recorded_stream import (
     RecordedStream,
     StreamInfo,
@@ -39,7 +40,9 @@ from skinmap.io.recordings.recorded_stream import (
     touches_of,
     warn_of_loss,
 )
+from skinmap.io.recordings.xdf import read_xdf, read_xdf_parts
 from skinmap.io.robots.manifest import builtin_named
+from skinmap.io.ros2.bag import is_bag, is_mapped, read_bag, read_bag_parts, robot_of_bag, whole
 from skinmap.io.text import is_file, read_text
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
@@ -254,8 +257,6 @@ def exported_track(path: Path) -> RecordedStream | None:
     DataFormatError
         Neither of the two.
     """
-    from skinmap.io.recordings.learning import track_of_arrays
-
     with open_arrays(path, "a Skinmap recording") as arrays:
         if "about" in arrays:
             return track_of_arrays(arrays, path)
@@ -485,8 +486,6 @@ def readable() -> tuple[str, ...]:
 
 def is_readable(path: Path) -> bool:
     """Whether a file in a folder is a recording: one of ours, or one with a mapping beside it."""
-    from skinmap.io.ros2.bag import is_mapped
-
     return path.suffix.lower() in SUFFIXES or is_mapped(path) or is_foreign(path)
 
 
@@ -511,8 +510,6 @@ def read_recordings(path: Path, format: str | None = None) -> list[Recording]:
     UnknownNameError
         A suffix or a format that no reader has.
     """
-    from skinmap.io.ros2.bag import whole
-
     path = whole(path)
     if format is None and path.exists() and (track := read_streams(path)) is not None:
         return recordings_of(warn_of_loss(track, path), path)
@@ -542,14 +539,10 @@ def part_logs(path: Path) -> dict[str, PartLog] | None:
     MissingFileError, DataFormatError, UnknownNameError
         No such file, no mapping of a bag, or one that does not follow its format.
     """
-    from skinmap.io.ros2.bag import is_bag, read_bag_parts, whole
-
     path, suffix = whole(path), path.suffix.lower()
     if is_bag(path):
         return read_bag_parts(path)
     if suffix == ".xdf":
-        from skinmap.io.recordings.xdf import read_xdf_parts
-
         return read_xdf_parts(path)
     return read_logs(path) if path.is_dir() or suffix == ".log" else None
 
@@ -559,14 +552,10 @@ def read_streams(path: Path, robot: Robot | None = None) -> RecordedStream | Non
 
     Arguments and errors as those of `part_logs`, `read_xdf` and `read_dump`.
     """
-    from skinmap.io.ros2.bag import is_bag, read_bag
-
     suffix = path.suffix.lower()
     if is_bag(path):
         return read_bag(path)
     if suffix == ".xdf":
-        from skinmap.io.recordings.xdf import read_xdf
-
         return read_xdf(path, robot=robot)
     return read_dump(path, robot=robot) if path.is_dir() or suffix == ".log" else None
 
@@ -579,8 +568,6 @@ def recorded_robot(path: Path) -> str:
     MissingFileError, DataFormatError
         No such file, or a damaged one.
     """
-    from skinmap.io.ros2.bag import is_bag, robot_of_bag, whole
-
     path = whole(path)
     if is_bag(path):
         return robot_of_bag(path)
