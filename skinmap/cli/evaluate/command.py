@@ -21,6 +21,7 @@ from msgspec import Meta, Struct, ValidationError, convert
 from skinmap.commands.options import (
     PATH,
     Whole,
+    WorkerOptions,
     Written,
     file_option,
     out_folder,
@@ -28,9 +29,9 @@ from skinmap.commands.options import (
     per_gesture_option,
     prints,
     seed_option,
+    workers_options,
 )
 from skinmap.commands.progress import progress
-from skinmap.commands.spreading import WorkerOptions, workers_options
 from skinmap.errors import unknown_name
 from skinmap.io.output import staged_file
 from skinmap.recognition.protocols.results import EvaluateResult
