@@ -12,7 +12,7 @@ import click
 
 from skinmap.commands.options import PATH, out_file, prints
 from skinmap.commands.overwriting import FORCE
-from skinmap.errors import SkinWarning, check_known
+from skinmap.errors import check_known, warn
 from skinmap.io.robots.new_manifest import (
     KNOWN_UNITS,
     NEAR,
@@ -149,8 +149,6 @@ def work(
     force: bool,
 ) -> NewResult | NewQuestions:
     """Read the files, find units and links, ask where a terminal is there, and write."""
-    import warnings
-
     from skinmap.io.robots.mesh_file import MESH_SUFFIXES
     from skinmap.io.robots.urdf import MeshBody, UrdfBody
     from skinmap.io.taxels.taxel_table import read_taxels
@@ -193,7 +191,7 @@ def work(
     if not {one.name for one in parts}.issuperset(before):
         count = f"{len(before)} part{'s'[: len(before) > 1]}"
         text = f"replaced {output} ({count} before: {', '.join(before)})"
-        warnings.warn(text, SkinWarning, stacklevel=2)
+        warn(text)
     return NewResult(
         robot=robot.name,
         parts=chosen,
@@ -266,23 +264,17 @@ def in_terminal() -> bool:
 
 def _warn(chosen: Candidate, table: TaxelTable, robot: Robot, stated: str | None) -> None:
     """Warn of a stated unit that another one fits better than, and of a skin far off its link."""
-    import warnings
-
     others = candidates(chosen.part, table, robot, KNOWN_UNITS, (chosen.link,))
     better = others[0]
     if stated is not None and better.units != stated and not unclear(others):
-        warnings.warn(
+        warn(
             f"{chosen.part}: in {stated}, as --units states, {_standing(chosen)}; "
-            f"in {better.units} {_standing(better)}",
-            SkinWarning,
-            stacklevel=2,
+            f"in {better.units} {_standing(better)}"
         )
     elif chosen.most_mm is not None and chosen.off > NEAR:
-        warnings.warn(
+        warn(
             f"{chosen.part}: taxels are {chosen.pitch_mm:.3g} mm apart, and one in five is over "
-            f"{chosen.most_mm:.3g} mm off the mesh of {chosen.link}: check units, link and frame",
-            SkinWarning,
-            stacklevel=2,
+            f"{chosen.most_mm:.3g} mm off the mesh of {chosen.link}: check units, link and frame"
         )
 
 

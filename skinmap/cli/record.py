@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-import warnings
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, suppress
@@ -28,7 +27,7 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import is_quiet
-from skinmap.errors import OutputError, SkinWarning, UnknownNameError
+from skinmap.errors import OutputError, UnknownNameError, warn
 from skinmap.report.present import present, singular
 from skinmap.touch.touch_labels import RESERVED, check_label
 
@@ -219,7 +218,7 @@ def _warn(recorded: RecordingTap, output: Path, *, looked_at: bool) -> None:
     worst = next((one for one in found if one.kind in FALSIFYING), None)
     if worst is not None:
         more = f"`skinmap examine {output}` lists all findings"
-        warnings.warn(f"{worst.text} {more}", SkinWarning, stacklevel=1)
+        warn(f"{worst.text} {more}", above=-1)
 
 
 def _check_output(output: Path, source: str) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,7 +28,7 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import progress
-from skinmap.errors import SkinWarning, UnknownNameError, check_known
+from skinmap.errors import UnknownNameError, check_known, warn
 from skinmap.io.output import staged_file
 from skinmap.report.present import present
 
@@ -316,11 +315,7 @@ def work(
             recordings.append(made)
         save_recordings(recordings, stage, robot=loaded)
     if variant is not None and output.suffix.lower() != ".npz":
-        warnings.warn(
-            f"only .npz keeps the true force and place of each sample, {output.name} does not",
-            SkinWarning,
-            stacklevel=2,
-        )
+        warn(f"only .npz keeps the true force and place of each sample, {output.name} does not")
     rows = [
         SimulatedPart(
             part=recording.part,

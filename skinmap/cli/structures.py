@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,7 +18,7 @@ from skinmap.commands.options import (
     robot_argument,
 )
 from skinmap.commands.profiles import profile_option
-from skinmap.errors import SkinWarning
+from skinmap.errors import warn
 from skinmap.report.present import present
 from skinmap.report.table import Table
 
@@ -173,7 +172,7 @@ def work(
     lonely = int((~joined.filled.any(axis=1)).sum())
     if 2 * lonely > len(joined):
         message = f"{lonely} of {len(joined)} taxels have no neighbour within {1e3 * radius:.3g} mm"
-        warnings.warn(f"{message}: ask for more by --radius-mm", SkinWarning, stacklevel=2)
+        warn(f"{message}: ask for more by --radius-mm")
     tolerance = 1e-3 * tolerance_mm if tolerance_mm else usual_tolerance(joined)
     found = find_structures(joined, tolerance=tolerance, rotations=turns)
     counts, filled = found.counts, found.prototypes.filled.sum(axis=1)

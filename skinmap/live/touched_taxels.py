@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -14,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, SkinWarning
+from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, warn
 from skinmap.io.recordings.touch_files import find_mapping, is_foreign, recorded_robot
 from skinmap.io.ros2.bag import METADATA, is_mapped, recordings_under
 from skinmap.live.loop import TouchLoop
@@ -216,7 +215,7 @@ def _readable(paths: Sequence[Path], read: Callable[[Path], Any]) -> tuple[list[
         except DataFormatError as error:
             if len(paths) == 1 or (path == paths[-1] and not kept):
                 raise
-            warnings.warn(f"left out: {error}", SkinWarning, stacklevel=3)
+            warn(f"left out: {error}", above=1)
     return kept, found
 
 

@@ -17,7 +17,6 @@ with its frames and, where a model answered, its kind, its motion and whether it
 from __future__ import annotations
 
 import json
-import warnings
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -26,7 +25,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, OutputError, SkinWarning
+from skinmap.errors import DataFormatError, OutputError, warn
 from skinmap.imports import import_optional
 from skinmap.io.recordings.recorded_stream import (
     BLOCK,
@@ -303,11 +302,7 @@ def write_lerobot(track: RecordedStream, folder: Path) -> None:
     pa, pq = import_optional("pyarrow", need), import_optional("pyarrow.parquet", need)
     fps = round(track.info.rate)
     if any(touch.motion is not None for touch in track.touches):
-        warnings.warn(
-            "a LeRobot data set does not keep the true motion of touches, .mcap, .npz and .h5 do",
-            SkinWarning,
-            stacklevel=2,
-        )
+        warn("a LeRobot data set does not keep the true motion of touches, .mcap, .npz and .h5 do")
     if len(track.times) == 0 or fps < 1:
         raise DataFormatError(f"{len(track.times)} samples at {track.info.rate:g} Hz", folder)
     _warn_of_times(track.times, fps)
@@ -336,11 +331,10 @@ def _warn_of_times(times: FloatArray, fps: int) -> None:
     """LeRobot has one whole rate: `timestamp` is the number of the frame by it."""
     off = np.abs(times - times[0] - np.arange(len(times)) / fps).max()
     if off > 1.5 / fps:
-        warnings.warn(
+        warn(
             f"LeRobot counts frames at a whole rate ({fps} a second): its `timestamp` is up to "
             f"{off:.3g} s off the recorded times, which `{TIME}` keeps",
-            SkinWarning,
-            stacklevel=3,
+            above=1,
         )
 
 
@@ -349,11 +343,10 @@ def _held_angles(track: RecordedStream) -> FloatArray:
     rows, known = np.arange(len(track.times)), np.isfinite(track.angles)
     missing = [name for name, one in zip(track.joints, known.T, strict=True) if not one.all()]
     if missing:
-        warnings.warn(
+        warn(
             f"angles of {', '.join(missing[:4])} are missing in some samples: the last known one "
             f"stands there, 0 where none is known",
-            SkinWarning,
-            stacklevel=3,
+            above=1,
         )
     before = np.maximum.accumulate(np.where(known, rows[:, None], -1), axis=0)
     place = np.where(before < 0, known.argmax(axis=0), before)

@@ -6,7 +6,6 @@ Content of a recording, second by second, to be read at once whatever its length
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
-from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, check_known
+from skinmap.errors import DataFormatError, InvalidArrayError, check_known, warn
 from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.recording import Recording, TrueMotion
 
@@ -468,14 +467,13 @@ def warn_of_loss(track: RecordedStream, path: Path) -> RecordedStream:
     """
     loss = track.loss
     if loss.recovered:
-        warnings.warn(
+        warn(
             f"{str(path)!r} was cut off or damaged: {loss.seconds:.2f} s of samples are lost "
             f"({'; '.join(loss.damage[:2]) or 'stated by the file itself'})",
-            SkinWarning,
-            stacklevel=3,
+            above=1,
         )
     elif len(track.times) == 0:
-        warnings.warn(f"{path.name}: no samples", SkinWarning, stacklevel=3)
+        warn(f"{path.name}: no samples", above=1)
     return track
 
 

@@ -7,7 +7,6 @@ import than a skin takes to be laid flat; the tests hold poses and shapes to suc
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,9 +20,9 @@ from skinmap.errors import (
     ForbiddenPathError,
     MissingFileError,
     SkinError,
-    SkinWarning,
     UnknownNameError,
     check_known,
+    warn,
 )
 from skinmap.geometry.rigid import check_transform, rpy_matrix, transform_points
 from skinmap.geometry.triangles import TriangleMesh
@@ -239,7 +238,7 @@ def _packages(name: str, urdf: Path) -> Iterator[Path]:
 
 
 def _warn(text: str) -> None:
-    warnings.warn(text, SkinWarning, stacklevel=2)  # shown once, whoever asks for the mesh
+    warn(text)  # shown once, whoever asks for the mesh
 
 
 class MeshBody(UrdfBody):

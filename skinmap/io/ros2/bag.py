@@ -5,7 +5,6 @@ The mapping of `run1` (a folder), `run1.mcap` or `run1.db3` is `run1.map.toml` b
 
 from __future__ import annotations
 
-import warnings
 from collections import Counter
 from dataclasses import dataclass, field, replace
 from functools import partial
@@ -17,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
+from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError, warn
 from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.dumper import PartLog, side_by_side
 from skinmap.io.recordings.recorded_stream import Kind, RecordedStream, seconds_of
@@ -100,11 +99,10 @@ def recordings_under(folder: Path) -> list[Path]:
     several = sorted([*bags, *files])
     bare = [one for one in several if (one in bags or is_bag(one)) and not is_mapped(one)]
     if bare:
-        warnings.warn(
+        warn(
             f"left out: {', '.join(str(one) for one in bare[:3])}{' ...' * (len(bare) > 3)}: bags "
             f"without a mapping file beside them, as {mapping_of(bare[0]).name}",
-            SkinWarning,
-            stacklevel=3,
+            above=1,
         )
     return [one for one in several if one not in bare]
 
@@ -289,12 +287,11 @@ def _stacked(one: _Topic, found: _Messages, clock: str, bag: Path) -> PartLog:
     stamps = _stamps(part, found, clock, bag)
     if not sound.all():
         first = int(np.flatnonzero(~sound)[0])
-        warnings.warn(
+        warn(
             f"{bag.name}: {(~sound).sum()} of {len(sound)} messages of {part!r} hold NaN, infinity "
             f"or another number of values and were left out, first message {first}, "
             f"{stamps[first] - stamps[0]:.2f} s from the beginning",
-            SkinWarning,
-            stacklevel=5,
+            above=3,
         )
     return stamps[sound], values[finite], ""
 
@@ -313,10 +310,9 @@ def _stamps(part: str, found: _Messages, clock: str, bag: Path) -> FloatArray:
     if not unset and (len(said) == 1 or said.min() < said.max()):
         return seconds_of(said.astype(np.uint64))
     wrong = f"{unset} of {len(said)} are not set" if unset else "all are the same"
-    warnings.warn(
+    warn(
         f"{bag.name}: the headers of {part!r} give no times ({wrong}): those of the log are taken",
-        SkinWarning,
-        stacklevel=6,
+        above=4,
     )
     return seconds_of(log.astype(np.uint64))
 

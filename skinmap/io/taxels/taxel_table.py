@@ -16,7 +16,6 @@ are in the frame of the row's link. The file knows no modules, so all taxels are
 
 from __future__ import annotations
 
-import warnings
 from array import array
 from collections.abc import Callable
 from pathlib import Path
@@ -24,7 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, UnknownNameError
+from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError, warn
 from skinmap.io.text import MAX_CHANNEL, CsvRows, check_file, parse_floats, parse_whole, read_text
 from skinmap.registry import Registry
 from skinmap.skin.taxels import TaxelTable
@@ -71,11 +70,7 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
     others = [one for one in names if one and one not in (*COLUMNS, *COVARIANCE)]
     if others:
         rows = "" if COLUMNS[0] in names else "; without `channel`, rows are numbered from 0"
-        warnings.warn(
-            f"{path.name}: columns that are not read: {first_few(others)[:200]}{rows}",
-            SkinWarning,
-            stacklevel=2,
-        )
+        warn(f"{path.name}: columns that are not read: {first_few(others)[:200]}{rows}")
     for row in reader:
         if row:  # without a channel: its row; without a module or a normal: zeros
             whole = [float(len(values) // len(COLUMNS)), *[0.0] * (len(COLUMNS) - 1)]

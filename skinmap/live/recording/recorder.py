@@ -9,7 +9,6 @@ import contextlib
 import glob
 import threading
 import time
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass
@@ -24,8 +23,8 @@ from skinmap.errors import (
     OutputError,
     SkinError,
     SkinMismatchError,
-    SkinWarning,
     UnknownNameError,
+    warn,
 )
 from skinmap.io.mcap.mcap_scan import scan_summary
 from skinmap.io.mcap.reading import Index, read_head
@@ -464,11 +463,7 @@ class RecordingTap(Relay):
         if first >= 0.0:
             return 0.0
         later = float(np.ceil(-first))
-        warnings.warn(
-            f"times of {self.info.name!r} begin at {first:g} s: recorded {later:g} s later",
-            SkinWarning,
-            stacklevel=2,
-        )
+        warn(f"times of {self.info.name!r} begin at {first:g} s: recorded {later:g} s later")
         return later
 
     def angles_at(self, time: float) -> Mapping[str, float]:

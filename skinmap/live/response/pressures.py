@@ -6,7 +6,6 @@ Files of response calibrations, read through a group of entry points.
 from __future__ import annotations
 
 import dataclasses
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -16,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.errors import InvalidArrayError, SkinMismatchError, SkinWarning, UnknownNameError
+from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError, warn
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.source import StreamInfo
 from skinmap.registry import Registry
@@ -327,11 +326,10 @@ class Responses:
 def _warn_of_rate(response: Any, rate: float, part: str) -> None:
     calibrated = float(getattr(response, "rate", rate))
     if rate > 0 and abs(rate - calibrated) > SAME_RATE * calibrated:
-        warnings.warn(
+        warn(
             f"the response of {part!r} was calibrated at {calibrated:g} samples a second, the "
             f"stream has {rate:g}: its noise may differ; calibrate again",
-            SkinWarning,
-            stacklevel=3,
+            above=1,
         )
 
 
