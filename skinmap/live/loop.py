@@ -24,8 +24,7 @@ from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.named_touch import ContactEvent, Moment, NamedTouch, TouchEvent, taken
 from skinmap.live.contacts.touch_history import Entry, TouchBook
 from skinmap.live.namer import Namer
-from skinmap.live.response.pressures import Response, Responses
-from skinmap.live.response.rest_gate import RestGate
+from skinmap.live.response.pressures import Response, Responses, RestGate
 from skinmap.live.response.sample_checks import SampleChecks
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.source import (

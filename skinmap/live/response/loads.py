@@ -29,8 +29,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import SkinMismatchError
 from skinmap.geometry.triangles import unit
 from skinmap.io.recordings.recorded_stream import Kind
-from skinmap.live.response.pressures import by_part
-from skinmap.live.response.rest_gate import FOLLOWED
+from skinmap.live.response.pressures import FOLLOWED, by_part
 from skinmap.physics.spring_bed import spring_bed
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.contacts.skin_geometry import HARD
