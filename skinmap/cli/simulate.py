@@ -13,7 +13,6 @@ import click
 from click.core import ParameterSource
 
 from skinmap.commands.options import (
-    MAX_TOUCHES,
     Number,
     Whole,
     open_robot,
@@ -175,13 +174,6 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     "[default: four]",
 )
 @click.option(
-    "--subjects",
-    type=Whole(1, MAX_TOUCHES),
-    default=10,
-    show_default=True,
-    help="Number of simulated people, each with a hand size and habits.",
-)
-@click.option(
     "--physics",
     metavar="ours|mujoco[:VARIANT]",
     default="ours",
@@ -219,7 +211,6 @@ def command(
     publish: str | None,
     seconds: float | None,
     as_json: bool,
-    subjects: int,
     variety: str,
     faults: dict[str, Any],
     **where: Any,
@@ -231,7 +222,7 @@ def command(
 
     \b
     Example:  skinmap simulate icub --part torso --per-gesture 30 -o torso.npz
-              skinmap simulate icub --gesture eight --subjects 20 --fault dead=0.02 -o touches.npz
+              skinmap simulate icub --gesture eight --fault dead=0.02 -o touches.npz
               skinmap simulate icub --variety none -o clean.npz
               skinmap simulate icub --part torso --gesture pairs --per-gesture 50 -o pairs.npz
               skinmap simulate icub --physics mujoco:flesh -o flesh.npz
@@ -251,7 +242,7 @@ def command(
         given["foam"] = given.pop("foam_mm") / 1e3
     where["sensing"] = given
     if publish is not None:
-        _refuse_given("per_gesture", "output", "subjects", "physics")
+        _refuse_given("per_gesture", "output", "physics")
         streamed = publish_touches(publish, seconds=seconds, raw=raw, **where)
         present(streamed, _stream_lines, as_json=as_json)
         return
@@ -264,7 +255,7 @@ def command(
             raise click.UsageError(f"{why} --fault foam-mm")
     protect(output)
     result = work(
-        output, per_gesture=per_gesture, paired=paired, subjects=subjects,
+        output, per_gesture=per_gesture, paired=paired,
         variant=physics[1] if mujoco else None, **where,
     )  # fmt: skip
     asked = 0 if paired else per_gesture
@@ -279,7 +270,6 @@ def work(
     per_gesture: int,
     gestures: tuple[str, ...],
     paired: bool,
-    subjects: int,
     variety: float,
     sensing: Mapping[str, Any],
     variant: str | None,
@@ -297,7 +287,7 @@ def work(
     check_suffix(output)
     loaded, names = open_robot(robot, parts)
     wanted = gesture_set(gestures)
-    shared: dict[str, Any] = {"gestures": wanted, "subjects": subjects}
+    shared: dict[str, Any] = {"gestures": wanted}
     steps = len(names) * per_gesture * (1 if paired else len(wanted))
     recordings = []
     with staged_file(output) as stage, progress(steps, "simulating") as advance:
