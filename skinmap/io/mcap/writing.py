@@ -30,6 +30,7 @@ from skinmap.io.recordings.recorded_stream import (
     MarkedTouch,
     OverviewMaker,
     RecordedStream,
+    StreamInfo,
     nanoseconds_of,
     whole_counts,
 )
@@ -529,6 +530,16 @@ class McapRecording:
                 f"cannot go on writing {str(self.path)!r}: {error.strerror}; the written "
                 f"part stays readable"
             ) from None
+
+
+def said_of(info: StreamInfo, robot: Robot | None) -> dict[str, Any]:
+    """What a `McapRecording` takes of a stream, and of the robot whose skin it is, if known."""
+    found = {name: getattr(info, name) for name in ("parts", "rate", "name", "robot", "clock")}
+    found["fingerprints"] = info.fingerprints
+    if robot is not None:
+        found["robot"], found["manifest"] = info.robot or robot.name, robot.origin
+        found["skins"] = {part: robot.skin(part) for part in info.parts}
+    return found
 
 
 def mark_text(

@@ -29,7 +29,7 @@ from skinmap.errors import (
 )
 from skinmap.io.mcap.mcap_scan import scan_summary
 from skinmap.io.mcap.reading import Index, read_head, read_track
-from skinmap.io.mcap.writing import McapRecording
+from skinmap.io.mcap.writing import McapRecording, said_of
 from skinmap.io.recordings.dumper import PartLog, read_dump, read_logs
 from skinmap.io.recordings.learning import track_of_arrays
 from skinmap.io.recordings.recorded_stream import (
@@ -337,12 +337,8 @@ def save_recordings(
     track = track_of(recordings, path)
     McapRecording(
         path,
-        parts=track.parts,
+        **said_of(replace(track.info, name="", fingerprints={}), robot),
         widths={"pressure": track.info.widths},
-        rate=track.info.rate,
-        robot="" if robot is None else robot.name,
-        manifest="" if robot is None else robot.origin,
-        skins={} if robot is None else {part: robot.skin(part) for part in track.parts},
         samples=track.samples,
         chunk_seconds=SAVED_CHUNK,
     ).add_all(track)

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError, warn
-from skinmap.io.mcap.writing import McapRecording
+from skinmap.io.mcap.writing import McapRecording, said_of
 from skinmap.io.recordings.dumper import PartLog, side_by_side
 from skinmap.io.recordings.recorded_stream import Kind, RecordedStream, seconds_of
 from skinmap.io.robots.manifest import load_robot
@@ -330,15 +330,8 @@ def write_rosbag2(track: RecordedStream, folder: Path) -> None:
         raise DataFormatError("its times begin before zero", folder)
     recording = McapRecording(
         folder / FILE,
-        parts=track.parts,
+        **said_of(track.info, robot) | {"robot": track.info.robot, "manifest": track.manifest},
         widths={track.kind: track.info.widths},
-        rate=track.info.rate,
-        name=track.info.name,
-        robot=track.info.robot,
-        manifest=track.manifest,
-        clock=track.info.clock,
-        fingerprints=track.info.fingerprints,
-        skins={} if robot is None else {part: robot.skin(part) for part in track.parts},
         samples=track.samples,
         model=robot,
         points_hz=float("inf"),

@@ -28,7 +28,7 @@ from skinmap.errors import (
 )
 from skinmap.io.mcap.mcap_scan import scan_summary
 from skinmap.io.mcap.reading import Index, read_head
-from skinmap.io.mcap.writing import CHUNK_SECONDS, POINTS_HZ, McapRecording
+from skinmap.io.mcap.writing import CHUNK_SECONDS, McapRecording, said_of
 from skinmap.io.ros2.messages import TouchMarker
 from skinmap.live.bounded_queue import BoundedQueue, QueueEnded
 from skinmap.live.response.sample_checks import fall_of
@@ -91,11 +91,6 @@ class Recorder:
         A file ends when it is so large or so old.
     most_bytes : int
         Kept while the disk is busy; more is dropped and counted.
-    chunk_seconds : float
-        Age at which a chunk is written: most that a killed process loses, plus what comes while the
-        thread waits for its turn (of a burst `BEHIND` at most).
-    points_hz : float
-        Clouds of the robot's taxels a second, for ROS 2's tools; 0 none.
 
     Raises
     ------
@@ -115,15 +110,12 @@ class Recorder:
         rotate_bytes: float = ROTATE_BYTES,
         rotate_seconds: float = ROTATE_SECONDS,
         most_bytes: int = MAX_BYTES,
-        chunk_seconds: float = CHUNK_SECONDS,
-        points_hz: float = POINTS_HZ,
     ) -> None:
         self.info, self.files = info, [path]
         self._session, self._person = session, person
         self._robot = robot
         self._widths: dict[Kind, tuple[int, ...]] = {**(widths or {}), info.kind: info.widths}
         self._rotate = (rotate_bytes, rotate_seconds)
-        self._chunk_seconds, self._points_hz = chunk_seconds, points_hz
         self._written = self._dropped = 0
         self._clock, self._last, self._ahead = time.monotonic, 0.0, 0.0
         self._given = self._saved = float("-inf")  # times of the last sample put, and in a file
@@ -258,7 +250,7 @@ class Recorder:
         try:
             while self._error is None:
                 age = self._file.age
-                late = not self._jobs.wait(self._chunk_seconds - age if age else None)
+                late = not self._jobs.wait(CHUNK_SECONDS - age if age else None)
                 with self._writing() as mine:
                     if mine and late:  # what has waited long enough
                         self._flush()
@@ -336,27 +328,14 @@ class Recorder:
         self.files.append(path)
 
     def _open(self, path: Path) -> McapRecording:
-        info = self.info
-        skins = {}
-        if self._robot is not None:
-            skins = {part: self._robot.skin(part) for part in info.parts}
         self._opened = time.monotonic()
         return McapRecording(
             path,
-            parts=info.parts,
+            **said_of(self.info, self._robot),
             widths=self._widths,
-            rate=info.rate,
-            name=info.name,
-            robot=info.robot or ("" if self._robot is None else self._robot.name),
-            manifest="" if self._robot is None else self._robot.origin,
-            clock=info.clock,
-            fingerprints=info.fingerprints,
-            skins=skins,
             session=self._session,
             person=self._person,
-            chunk_seconds=self._chunk_seconds,
             model=self._robot,
-            points_hz=self._points_hz,
             continues="" if path == self.files[0] else self.files[0].name,
         )
 
