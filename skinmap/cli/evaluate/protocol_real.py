@@ -20,7 +20,7 @@ from skinmap.archive import open_arrays
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.cli.evaluate.command import Evaluation, Own, Rows, Settings, write_predictions
 from skinmap.commands.progress import progress
-from skinmap.errors import DAMAGED_ARCHIVE, DataFormatError, InvalidArrayError, SkinError
+from skinmap.errors import DataFormatError, InvalidArrayError, SkinError
 from skinmap.io.recordings.cyskin_arrays import PressedSkin, find_pressed, read_pressed
 from skinmap.io.text import check_file
 from skinmap.live.contacts.contact_tracker import ContactTracker
@@ -254,13 +254,10 @@ class Grid:
 
     def __init__(self, path: Path) -> None:
         check_file(path, "an archive of readings (.npz)", 2**32)
-        try:
-            with open_arrays(path) as found:
-                names = ("readings", "prints", "person")
-                held = {name: found[name] for name in names if name in found.files}
-                there = ", ".join(sorted(found.files)) or "none"
-        except DAMAGED_ARCHIVE as error:
-            raise DataFormatError(f"not an archive of arrays: {str(error)[:200]}", path) from None
+        with open_arrays(path, "an archive of arrays") as found:
+            names = ("readings", "prints", "person")
+            held = {name: found[name] for name in names if name in found.files}
+            there = ", ".join(sorted(found.files)) or "none"
         if "readings" not in held:
             raise DataFormatError(f"no array 'readings'; its arrays: {there}", path)
         self.path, self._held = path, held

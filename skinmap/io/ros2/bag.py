@@ -176,7 +176,7 @@ def read_bag_mapping(path: Path) -> _Mapping:
     return mapping
 
 
-# Of a message: time of its header and of the log [ns], values before channels are chosen, and these.
+# Times of a message by its header (0 without) and the log [ns], its number of values, the chosen.
 _Message = tuple[int, int, int, NDArray[Any]]
 
 
