@@ -82,11 +82,6 @@ class Feed:
         self._speed = 1.0  # that the arrivals were at
 
     @property
-    def info(self) -> StreamInfo:
-        """What the source says of itself."""
-        return self.source.info
-
-    @property
     def rate(self) -> float:
         """Samples a second that came lately; 0 where none comes, NaN where unknown."""
         if self.stale:
@@ -133,9 +128,9 @@ class Feed:
         """Seconds without a sample after which the source is called stale."""
         speed = self.source.speed
         # What is made when it is asked for is never silent, only slow.
-        if speed == 0.0 or self.info.clock == SIMULATION:
+        if speed == 0.0 or self.source.info.clock == SIMULATION:
             return float("inf")
-        rate = self.info.rate * speed
+        rate = self.source.info.rate * speed
         return max(STALE, 3.0 / rate) if rate > 0 else STALE
 
 
@@ -225,8 +220,8 @@ class TouchLoop(Summary):
             classifier = load_classifier(classifier)
         self._singly, self._live = singly, live
         self.robot, self.counts = robot, Counts()
-        self.feed = Feed(source, self.counts)
-        info = self.info
+        self.source, self.info = source, source.info
+        self.feed, info = Feed(source, self.counts), self.info
         check_skin(info, robot)
         wanted = info.only(parts or info.parts)[0].parts
         chosen = [part for part in info.parts if part in wanted]
@@ -278,16 +273,6 @@ class TouchLoop(Summary):
                 return
             if moment is not None:
                 yield moment
-
-    @property
-    def source(self) -> Source:
-        """The present one."""
-        return self.feed.source
-
-    @property
-    def info(self) -> StreamInfo:
-        """What the source says of itself."""
-        return self.feed.info
 
     @property
     def resting(self) -> bool:
