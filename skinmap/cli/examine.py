@@ -11,7 +11,15 @@ from pathlib import Path
 import click
 import numpy as np
 
-from skinmap.commands.options import PATH, Written, file_option, named_robot, out_folder, prints
+from skinmap.commands.options import (
+    PATH,
+    Written,
+    file_option,
+    named_robot,
+    out_folder,
+    prints,
+    word,
+)
 from skinmap.errors import OutputError
 from skinmap.io.output import staged_file, staged_folder
 from skinmap.report.page import (
@@ -40,7 +48,7 @@ MOST = 3  # stretches of rows in a line
 @click.command("examine")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...",
                 type=PATH)  # fmt: skip
-@click.option("--robot", metavar="ROBOT", help="Robot of recordings that do not name theirs.")
+@word("--robot", "ROBOT", "Robot of recordings that do not name theirs.")
 @out_folder("a page with pictures")
 @file_option("--mend", Written(".npz"), "Mended copy of one recording: an NPZ.")
 @prints(Examined)

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import click
 
-from skinmap.commands.options import PATH, open_robot, prints
+from skinmap.commands.options import PATH, open_robot, played_robot_option, prints
 from skinmap.display import has_display, window_class
 from skinmap.display import loads as loads_library
 from skinmap.errors import MissingLibraryError
@@ -266,11 +266,7 @@ class RecordingInfo:
 
 @click.command("info")
 @click.argument("recording", required=False, type=PATH)
-@click.option(
-    "--robot",
-    metavar="ROBOT",
-    help="Robot whose skin it must be; it also names a dumper's folders.",
-)
+@played_robot_option
 @prints(RecordingInfo, InstallationInfo)
 def command(recording: Path | None, robot: str | None, as_json: bool) -> None:
     """Describe a recording, or the installation.

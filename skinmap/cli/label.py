@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.commands.options import PATH, open_robot, out_file, prints, robot_option
+from skinmap.commands.options import PATH, open_robot, out_file, prints, robot_option, word
 from skinmap.commands.overwriting import protect
 from skinmap.errors import MissingFileError, OutputError, SkinError
 from skinmap.io.output import staged_file
@@ -65,11 +65,7 @@ class LabelResult:
     required=True, guarded=False,
 )  # fmt: skip
 @click.option("--find", is_flag=True, help="Find the touches again and ignore the marks.")
-@click.option(
-    "--name",
-    metavar="LABEL",
-    help="Name of all touches without one; outside a terminal no key is asked for.",
-)
+@word("--name", "LABEL", "Name of all touches without one; outside a terminal no key is asked for.")
 @robot_option
 @prints(LabelResult)
 def command(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.commands.options import PATH, out_file, prints
+from skinmap.commands.options import PATH, choice, out_file, prints, words
 from skinmap.commands.overwriting import FORCE
 from skinmap.errors import check_known, warn
 from skinmap.io.robots.new_manifest import (
@@ -96,26 +96,24 @@ class SeveralTables(click.Command):
 
 @click.command("new", cls=SeveralTables)
 @click.argument("model", metavar="ROBOT.urdf|MESH", type=PATH)
-@click.option(
+@words(
     TABLES,
     "tables",
-    metavar="FILE [FILE...]",
+    "FILE [FILE...]",
+    "Taxel tables, one for each part.",
     type=PATH,
-    multiple=True,
     required=True,
-    help="Taxel tables, one for each part.",
 )
-@click.option(
+@choice(
     "--units",
-    type=click.Choice(tuple(UNITS)),
-    help="Unit of lengths in the tables.  [default: the one in which the skin lies on a link]",
+    UNITS,
+    "Unit of lengths in the tables.  [default: the one in which the skin lies on a link]",
 )
-@click.option(
+@words(
     "--link",
     "links",
-    metavar="NAME",
-    multiple=True,
-    help="Link that carries the skin; of several tables one for all, or one for each in their "
+    "NAME",
+    "Link that carries the skin; of several tables one for all, or one for each in their "
     "order.  [default: the one that the skin lies on]",
 )
 @out_file("Manifest to write (.toml).", required=True)

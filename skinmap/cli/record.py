@@ -24,6 +24,7 @@ from skinmap.commands.options import (
     seconds_option,
     seed_option,
     speed_option,
+    word,
 )
 from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import is_quiet
@@ -75,20 +76,10 @@ class RecordResult:
 @robot_option
 @part_option
 @seconds_option("Stop after this time [s].")
-@click.option("--label", metavar="LABEL", help="Mark every touch with this name, to train on.")
+@word("--label", "LABEL", "Mark every touch with this name, to train on.")
 @click.option("--model", type=PATH, help="Mark every touch with a model's label.")
-@click.option(
-    "--session",
-    metavar="WORDS",
-    default="",
-    help="Name of the session, for --leave-out of `evaluate`.",
-)
-@click.option(
-    "--person",
-    metavar="WORDS",
-    default="",
-    help="Name of the person who touches, for --leave-out of `evaluate`.",
-)
+@word("--session", "WORDS", "Name of the session, for --leave-out of `evaluate`.")
+@word("--person", "WORDS", "Name of the person who touches, for --leave-out of `evaluate`.")
 @calibration_option
 @speed_option("recorded or simulated")
 @seed_option
@@ -101,8 +92,8 @@ def command(
     seconds: float | None,
     label: str | None,
     model: Path | None,
-    session: str,
-    person: str,
+    session: str | None,
+    person: str | None,
     calibrations: tuple[str, ...],
     speed: float,
     seed: int,
@@ -139,7 +130,7 @@ def command(
     classifier = None if model is None else load_classifier(model)
     if label is not None:
         classifier = GivenName(check_label(label))
-    session, person = (check_label(word) if word else "" for word in (session, person))
+    session, person = (check_label(one) if one else "" for one in (session, person))
     loaded, origin = open_stream(source, robot, parts, seed=seed, speed=speed)
     named = classifier is not None
     skins = {part: PreparedSkin(loaded.skin(part)) for part in origin.info.parts if calibrations}

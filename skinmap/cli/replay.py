@@ -14,6 +14,7 @@ from skinmap.commands.options import (
     PATH,
     open_robot,
     part_option,
+    played_robot_option,
     prints,
     publish_option,
     seconds_option,
@@ -41,11 +42,7 @@ class ReplayResult:
 
 @click.command("replay")
 @click.argument("recording", type=PATH)
-@click.option(
-    "--robot",
-    metavar="ROBOT",
-    help="Robot whose skin it must be; it also names a dumper's folders.",
-)
+@played_robot_option
 @part_option
 @publish_option("the samples")
 @speed_option("recorded")

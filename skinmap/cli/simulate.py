@@ -24,6 +24,8 @@ from skinmap.commands.options import (
     robot_argument,
     seconds_option,
     seed_option,
+    word,
+    words,
 )
 from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import progress
@@ -164,39 +166,35 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
 @robot_argument
 @part_option
 @per_gesture_option("Touches of each gesture on each part.")
-@click.option(
+@words(
     "--gesture",
     "gestures",
-    metavar="GESTURE",
-    multiple=True,
-    help="Gestures, with commas between; or four, eight, all, hand, other, time (strokes, pats, "
+    "GESTURE",
+    "Gestures, with commas between; or four, eight, all, hand, other, time (strokes, pats, "
     "taps and more, with their true motion). May be repeated. With pairs, two of them at once.  "
     "[default: four]",
 )
-@click.option(
+@word(
     "--physics",
-    metavar="ours|mujoco[:VARIANT]",
-    default="ours",
-    show_default=True,
-    callback=_physics,
-    help="Physics of the touches: ours, or MuJoCo on a bed of springs (extra 'mujoco') of "
+    "ours|mujoco[:VARIANT]",
+    "Physics of the touches: ours, or MuJoCo on a bed of springs (extra 'mujoco') of "
     "foam, flesh, finger, ...",
+    shown="ours",
+    callback=_physics,
 )
-@click.option(
+@word(
     "--variety",
-    metavar="none|some|wide|wider|X",
-    default="wide",
-    show_default=True,
-    help="Random spread of touches and sensors: none (pads of fixed sizes on clean "
+    "none|some|wide|wider|X",
+    "Random spread of touches and sensors: none (pads of fixed sizes on clean "
     "sensors), some, wide, wider, or a number from 0 to 2.",
+    shown="wide",
 )
-@click.option(
+@words(
     "--fault",
     "faults",
-    metavar="NAME=VALUE",
-    multiple=True,
+    "NAME=VALUE",
+    f"Fault of the sensors, instead of a random one; may be repeated. {', '.join(SENSING)}.",
     callback=_faults,
-    help=f"Fault of the sensors, instead of a random one; may be repeated. {', '.join(SENSING)}.",
 )
 @out_file("Recording to write: .npz or .mcap.", default="touches.npz", guarded=False)
 @publish_option("endless touches instead of recording them")

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from skinmap.commands.options import (
+    choice,
     open_robot,
     out_option,
     part_option,
     prints,
     read_radius,
     robot_argument,
+    word,
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.errors import warn
@@ -106,19 +108,17 @@ class StructuresResult:
 @click.command("structures")
 @robot_argument
 @part_option
-@click.option(
+@word(
     "--radius-mm",
-    metavar="MM|auto",
-    default="auto",
-    show_default=True,
-    help="Radius of a neighbourhood, or auto: between two rings of the lattice.",
+    "MM|auto",
+    "Radius of a neighbourhood, or auto: between two rings of the lattice.",
+    shown="auto",
 )
-@click.option(
+@choice(
     "--rotations",
-    type=click.Choice(["1", "4", "6"]),
-    default=str(ROTATIONS),
-    show_default=True,
-    help="Order of the rotations that match structures: 6 (by pi/3) or 4 (square grids).",
+    ("1", "4", "6"),
+    "Order of the rotations that match structures: 6 (by pi/3) or 4 (square grids).",
+    shown=str(ROTATIONS),
 )
 @out_option
 @profile_option("classify", beside=("tolerance_mm", "distance"))

@@ -13,13 +13,15 @@ import click
 
 from skinmap.commands.options import (
     PATH,
-    Whole,
+    choice,
     out_file,
     part_option,
     prints,
     read_radius,
     robot_option,
     seed_option,
+    whole,
+    word,
 )
 from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
@@ -168,34 +170,34 @@ class TrainResult:
 @click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=PATH)
 @robot_option
 @part_option
-@click.option(
+@word(
     "--classifier",
-    metavar="CLASSIFIER",
-    default="contact-geometry",
-    show_default=True,
-    help="Classifier by name; an unknown name lists them.",
+    "CLASSIFIER",
+    "Classifier by name; an unknown name lists them.",
+    shown="contact-geometry",
 )
-@click.option(
+@choice(
     "--network",
-    type=click.Choice(["small", "paper"]),
-    help="cnn: a small network (default), or that of the paper, 50 kernels a layer on 66 x 100.",
+    ("small", "paper"),
+    "cnn: a small network (default), or that of the paper, 50 kernels a layer on 66 x 100.",
 )
 @out_file("Model to write.", default="touch.skinmodel")
-@click.option(
+@whole(
     "--with-simulated",
-    type=Whole(1, 1000),
+    1,
+    1000,
+    "Add N simulated touches of each recorded label that the simulator has, on each skin.",
     metavar="N",
-    help="Add N simulated touches of each recorded label that the simulator has, on each skin.",
 )
-@click.option(
+@word(
     "--groups",
-    metavar="hand=LABEL,...;other=LABEL,...",
-    help="Learn from these labels whether a touch is a hand: each label in one group.",
+    "hand=LABEL,...;other=LABEL,...",
+    "Learn from these labels whether a touch is a hand: each label in one group.",
 )
-@click.option(
+@word(
     "--motion",
-    metavar="LABEL,...",
-    help="Labels that name how a touch moves, beside stroke, pat, tap, rub, slide, twist, squeeze "
+    "LABEL,...",
+    "Labels that name how a touch moves, beside stroke, pat, tap, rub, slide, twist, squeeze "
     "and hold; all others name with what.",
 )
 @seed_option

@@ -8,7 +8,7 @@ from __future__ import annotations
 import functools
 import math
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,43 +109,61 @@ OUTSIDE = "SKINMAP_ALLOW_OUTSIDE"  # environment variable
 RESULTS = "__results__"
 
 
-robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
-# For commands that may be given a recording, which knows its own.
-shown_argument = click.argument("robot", required=False, metavar="[ROBOT|RECORDING|FOLDER]")
-# For commands whose argument is a recording.
-robot_option = click.option(
-    "--robot",
-    metavar="ROBOT",
-    help="Robot that was recorded.  [default: the recording's, else icub]",
-)
-part_option = click.option(
-    "--part",
-    "parts",
-    multiple=True,
-    metavar="PART",
-    help="Only this part of the robot; may be repeated.",
-)
+def word(
+    name: str, metavar: str, text: str, *, shown: str | None = None, **more: Any
+) -> Callable[[F], F]:
+    """An option that takes a word; help shows `shown`, its default."""
+    return click.option(name, metavar=metavar, help=text, **_default(shown), **more)
 
 
-def units_option(of: str) -> Callable[[F], F]:
-    """`--units`, with the files that it holds for."""
-    return click.option(
-        "--units",
-        type=click.Choice(tuple(UNITS)),
-        default="m",
-        show_default=True,
-        help=f"Unit of lengths in {of}.",
-    )
+def words(
+    name: str, into: str, metavar: str, text: str, *, shown: Any = None, **more: Any
+) -> Callable[[F], F]:
+    """An option that takes a word and may be repeated, and the parameter that they come in."""
+    how = {"metavar": metavar, "multiple": True, "help": text}
+    return click.option(name, into, **how, **_default(shown), **more)
 
 
-def word(name: str, metavar: str, text: str, **more: Any) -> Callable[[F], F]:
-    """An option that takes a word."""
-    return click.option(name, metavar=metavar, help=text, **more)
+def choice(
+    name: str, known: Iterable[str], text: str, *, shown: str | None = None, **more: Any
+) -> Callable[[F], F]:
+    """An option that takes one of some words."""
+    return click.option(name, type=click.Choice(tuple(known)), help=text, **_default(shown), **more)
+
+
+def whole(
+    name: str, low: int, high: int, text: str, *, shown: int | None = None, **more: Any
+) -> Callable[[F], F]:
+    """An option that takes a whole number between limits, or one of them."""
+    return click.option(name, type=Whole(low, high), help=text, **_default(shown), **more)
 
 
 def number(name: str, low: float, high: float, text: str, **more: Any) -> Callable[[F], F]:
     """An option that takes a number above one limit, up to another."""
     return click.option(name, type=Number(low, high, min_open=True), help=text, **more)
+
+
+def _default(shown: Any) -> dict[str, Any]:
+    """Of an option; a default of None would count as given and end `required`."""
+    return {} if shown is None else {"default": shown, "show_default": True}
+
+
+robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
+# For commands that may be given a recording, which knows its own.
+shown_argument = click.argument("robot", required=False, metavar="[ROBOT|RECORDING|FOLDER]")
+# For commands whose argument is a recording.
+robot_option = word(
+    "--robot", "ROBOT", "Robot that was recorded.  [default: the recording's, else icub]"
+)
+played_robot_option = word(
+    "--robot", "ROBOT", "Robot whose skin it must be; it also names a dumper's folders."
+)
+part_option = words("--part", "parts", "PART", "Only this part of the robot; may be repeated.")
+
+
+def units_option(of: str) -> Callable[[F], F]:
+    """`--units`, with the files that it holds for."""
+    return choice("--units", UNITS, f"Unit of lengths in {of}.", shown="m")
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
@@ -196,21 +214,17 @@ def results_of(command: click.Command) -> dict[str, Kinds]:
 
 
 MAX_SEED = 4_000_000_000  # scikit-learn's seeds have 32 bits, and repetitions count on from it
-seed_option = click.option(
-    "--seed", type=Whole(0, MAX_SEED), default=0, show_default=True, help="Seed of all randomness."
-)
+seed_option = whole("--seed", 0, MAX_SEED, "Seed of all randomness.", shown=0)
 
 
 def per_gesture_option(help: str) -> Callable[[F], F]:
     """`--per-gesture`: how many touches of each kind are simulated."""
-    return click.option(
-        "--per-gesture", type=Whole(1, MAX_TOUCHES), default=20, show_default=True, help=help
-    )
+    return whole("--per-gesture", 1, MAX_TOUCHES, help, shown=20)
 
 
 def seconds_option(help: str) -> Callable[[F], F]:
     """`--seconds`: how long a command goes on with what would not end, or not so soon."""
-    return click.option("--seconds", type=Number(0.0, MAX_SECONDS, min_open=True), help=help)
+    return number("--seconds", 0.0, MAX_SECONDS, help)
 
 
 def speed_option(of: str, *, endless: bool = True) -> Callable[[F], F]:
@@ -218,39 +232,31 @@ def speed_option(of: str, *, endless: bool = True) -> Callable[[F], F]:
     return click.option(
         "--speed",
         type=Number(0.0, MAX_SPEED, min_open=True, endless=endless),
-        default=1.0,
-        show_default=True,
         help=f"Speed as a multiple of the {of} one{'; inf for no waiting' if endless else ''}.",
+        **_default(1.0),
     )
 
 
 def publish_option(what: str, *, multiple: bool = False) -> Callable[[F], F]:
     """`--publish`: what other programs can follow, and how."""
     more = "; may be repeated" if multiple else ""
-    return click.option(
-        "--publish",
-        metavar="SPEC",
-        multiple=multiple,
-        help=f"Publish {what}: {PUBLISH_WAYS}{more}.",
-    )
+    text = f"Publish {what}: {PUBLISH_WAYS}{more}."
+    return word("--publish", "SPEC", text, multiple=multiple)
 
 
-response_option = click.option(
+response_option = words(
     "--response",
     "responses",
-    multiple=True,
-    metavar="[PART=]FILE",
-    help="Response calibration of a part that sends raw values; may be repeated.",
+    "[PART=]FILE",
+    "Response calibration of a part that sends raw values; may be repeated.",
 )
 
 
-calibration_option = click.option(
+calibration_option = words(
     "--calibration",
     "calibrations",
-    multiple=True,
-    metavar="[PART=]FILE",
-    help="Load calibration of a part, from `calibrate load -o`: forces in newtons; may be "
-    "repeated.",
+    "[PART=]FILE",
+    "Load calibration of a part, from `calibrate load -o`: forces in newtons; may be repeated.",
 )
 
 
@@ -310,7 +316,8 @@ def out_file(
         metavar="FILE|FOLDER" if folder else "FILE",
         callback=guard if guarded else None,
         help=what,
-        **_default(default, required),
+        required=required,
+        **_default(default),
     )
     return lambda command: option(force_option(command))
 
@@ -319,11 +326,6 @@ def file_option(name: str, kind: Written, help: str) -> Callable[[F], F]:
     """An option with a file that is written, by its name (`--screenshot`), and `--force`."""
     option = click.option(name, type=kind, callback=guard, help=help)
     return lambda command: option(force_option(command))
-
-
-def _default(default: str | None, required: bool) -> dict[str, Any]:
-    """Of an option; a default of None would count as given and end `required`."""
-    return {"required": required} if default is None else {"default": default, "show_default": True}
 
 
 def out_folder(of: str, *, required: bool = False, default: str | None = None) -> Callable[[F], F]:
@@ -335,7 +337,8 @@ def out_folder(of: str, *, required: bool = False, default: str | None = None) -
         metavar="FOLDER",
         callback=try_folder,
         help=f"Folder for {of}.",
-        **_default(default, required),
+        required=required,
+        **_default(default),
     )
     return lambda command: option(force_option(command))
 
@@ -463,8 +466,7 @@ _jobs_option = click.option(
     "--jobs",
     type=Jobs(),
     metavar="N|URL",
-    default=1,
-    show_default=True,
+    **_default(1),
     help=f"Processes (1 to {MAX_JOBS}), or a Dask scheduler: tcp://HOST:PORT.",
 )
 _resume_option = click.option(

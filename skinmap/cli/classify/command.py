@@ -26,6 +26,7 @@ from skinmap.commands.options import (
     robot_option,
     seconds_option,
     seed_option,
+    words,
 )
 from skinmap.report.present import present
 from skinmap.report.table import Table
@@ -48,12 +49,11 @@ SUFFIX = ".skinmodel"  # as `skinmap.recognition.model_file` has it; a test comp
     "like `poke or edge`.",
 )
 @seed_option
-@click.option(
+@words(
     "--gesture",
     "gestures",
-    multiple=True,
-    metavar="GESTURE",
-    help="Gestures of the source sim, with commas between; or four, eight, "
+    "GESTURE",
+    "Gestures of the source sim, with commas between; or four, eight, "
     "all, hand, other, time. May be repeated.  [default: four]",
 )
 @prints(ClassifyResult, live=(LiveTouch, LiveSummary))

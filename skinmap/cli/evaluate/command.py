@@ -20,15 +20,18 @@ from msgspec import Meta, Struct, ValidationError, convert
 
 from skinmap.commands.options import (
     PATH,
-    Whole,
     WorkerOptions,
     Written,
+    choice,
     file_option,
     out_folder,
     part_option,
     per_gesture_option,
     prints,
     seed_option,
+    whole,
+    word,
+    words,
     workers_options,
 )
 from skinmap.commands.progress import progress
@@ -154,7 +157,7 @@ def find_evaluation(name: str) -> Evaluation:
     return found
 
 
-def own_settings(kind: type[Own], protocol: str, words: Sequence[str]) -> Own:
+def own_settings(kind: type[Own], protocol: str, given: Sequence[str]) -> Own:
     """The settings `NAME=VALUE` of a protocol.
 
     Raises
@@ -163,11 +166,11 @@ def own_settings(kind: type[Own], protocol: str, words: Sequence[str]) -> Own:
         No such setting of the protocol, or a value that it does not take.
     """
     found = {}
-    for word in words:
-        name, equals, value = word.partition("=")
+    for one in given:
+        name, equals, value = one.partition("=")
         if name not in kind.__struct_fields__ or not equals:
             known = ", ".join(kind.__struct_fields__) or "none"
-            raise click.UsageError(f"--set {word}: settings of {protocol}: {known}")
+            raise click.UsageError(f"--set {one}: settings of {protocol}: {known}")
         found[name] = {"yes": True, "no": False}.get(value, value)
     try:
         return convert(found, kind, strict=False)
@@ -197,57 +200,37 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
 
 @click.command("evaluate")
 @click.argument("recordings", nargs=-1, metavar="[RECORDING...]", type=PATH)
-@click.option(
+@word(
     "--protocol",
-    metavar="|".join(PROTOCOLS) + "|RECORDING",
-    help="Protocol to run; recordings are cross-validated by touch event.",
+    "|".join(PROTOCOLS) + "|RECORDING",
+    "Protocol to run; recordings are cross-validated by touch event.",
 )
-@click.option("--robot", metavar="ROBOT", help="Robot to simulate on, or that was recorded.")
+@word("--robot", "ROBOT", "Robot to simulate on, or that was recorded.")
 @part_option
-@click.option(
-    "--seeds",
-    type=Whole(1, 1000),
-    help="Repetitions.  [default: 5; baxter: 10, physics, time, force: 1]",
-)
-@click.option(
-    "--classifier",
-    "names",
-    metavar="CLASSIFIER",
-    multiple=True,
-    help="Only this one; may be repeated.",
-)
+@whole("--seeds", 1, 1000, "Repetitions.  [default: 5; baxter: 10, physics, time, force: 1]")
+@words("--classifier", "names", "CLASSIFIER", "Only this one; may be repeated.")
 @per_gesture_option(
     "cross-patch, physics, time, force: touches of each gesture on each patch or part."
 )
-@click.option(
+@word(
     "--variety",
-    metavar="none|some|wide|wider|X",
-    help="Random spread of simulated touches and sensors, as in `skinmap simulate`.  "
+    "none|some|wide|wider|X",
+    "Random spread of simulated touches and sensors, as in `skinmap simulate`.  "
     "[default: wide; kaspar, baxter: none, as in the papers]",
 )
-@click.option(
+@choice(
     "--sampling",
-    type=click.Choice(["random", "paper"]),
-    help="kaspar: draw samples at random, or every 50th and 10th as published.",
+    ("random", "paper"),
+    "kaspar: draw samples at random, or every 50th and 10th as published.",
 )
-@click.option(
-    "--network",
-    type=click.Choice(["small", "paper"]),
-    help="baxter: a small network, or that of the paper.",
-)
-@click.option(
-    "--set",
-    "own",
-    metavar="NAME=VALUE",
-    multiple=True,
-    help="A setting of the protocol (below); may be repeated.",
-)
-@click.option(
+@choice("--network", ("small", "paper"), "baxter: a small network, or that of the paper.")
+@words("--set", "own", "NAME=VALUE", "A setting of the protocol (below); may be repeated.")
+@choice(
     "--leave-out",
-    multiple=True,
-    type=click.Choice(["event", "session", "person", "place", "part"]),
-    help="recordings: train without each of them in turn, beside touches dealt out (event) and "
+    ("event", "session", "person", "place", "part"),
+    "recordings: train without each of them in turn, beside touches dealt out (event) and "
     "controls by what the skin read before the touches; may be repeated.",
+    multiple=True,
 )
 @file_option(
     "--predictions",
@@ -319,9 +302,9 @@ def command(
     options["seeds"] = options["seeds"] or SEEDS.get(chosen, 5)
     options["variety"] = _variety(chosen, options["variety"])
     evaluation = find_evaluation(chosen)
-    words = [f"{name}={options[name]}" for name in ("sampling", "network") if options[name]]
+    more = [f"{name}={options[name]}" for name in ("sampling", "network") if options[name]]
     del options["sampling"], options["network"]
-    own = own_settings(evaluation.settings, chosen, (*words, *options.pop("own")))
+    own = own_settings(evaluation.settings, chosen, (*more, *options.pop("own")))
     with spread.open(f"evaluate {chosen}") as workers:
         settings = Settings(
             recordings=files, workers=workers, own=own, pictures=out is not None, **options

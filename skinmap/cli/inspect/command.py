@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from skinmap.cli.inspect.inspect_result import InspectResult, PartRow
-from skinmap.commands.options import open_robot, part_option, prints
+from skinmap.commands.options import open_robot, part_option, prints, word
 from skinmap.report.present import present
 from skinmap.report.result import given
 from skinmap.report.table import Table
@@ -20,11 +20,7 @@ TABLES = (".txt", ".csv", ".json")
 @click.command("inspect")
 @click.argument("robots", nargs=-1, metavar="[ROBOT|TABLE...]")
 @part_option
-@click.option(
-    "--module",
-    metavar="LAYOUT",
-    help="Module layout of a bare table (triangle_10pad, a .toml, a .csv).",
-)
+@word("--module", "LAYOUT", "Module layout of a bare table (triangle_10pad, a .toml, a .csv).")
 @prints(InspectResult)
 def command(robots: tuple[str, ...], as_json: bool, **asked: Any) -> None:
     """Show the parts of a robot: taxels, repairs, distance to the body, pitch, modules, verdict.
