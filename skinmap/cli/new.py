@@ -17,7 +17,6 @@ from skinmap.io.robots.new_manifest import (
     KNOWN_UNITS,
     NEAR,
     Candidate,
-    NewPart,
     candidates,
     in_question,
     mesh_units,
@@ -180,13 +179,9 @@ def work(
         return NewQuestions(unclear=open_, candidates=asked)
     for one in chosen:
         _warn(one, read[one.part], robot, units)
-    parts = [
-        NewPart(one.part, file, one.units, one.link)
-        for one, file in zip(chosen, tables, strict=True)
-    ]
     before = _parts_in(output)
-    files = write_manifest(output, body, scale, parts, force=force)
-    if not {one.name for one in parts}.issuperset(before):
+    files = write_manifest(output, body, scale, dict(zip(tables, chosen, strict=True)), force=force)
+    if not {one.part for one in chosen}.issuperset(before):
         count = f"{len(before)} part{'s'[: len(before) > 1]}"
         text = f"replaced {output} ({count} before: {', '.join(before)})"
         warn(text)
