@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -30,7 +30,7 @@ from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import read_recordings
 from skinmap.live.contacts.contact_motion import MotionBook, recorded_course
 from skinmap.live.contacts.named_touch import UNNAMED, Moment, TouchEvent
-from skinmap.live.loop import TouchLoop
+from skinmap.live.loop import TouchLoop, check_classifier
 from skinmap.live.publishing.publish import open_publisher
 from skinmap.live.response.loads import (
     AROUND,
@@ -110,7 +110,7 @@ def classify_live(
             again = open_source(spec, robot=loaded, parts=chosen, speed=float("inf"))
             with closing(again) as ahead:
                 loop.learn_rest(ahead, LEARN)
-        _note_differences(classifier, loop)
+        _note(classifier, loop.skins)
         run = _Run(loop, spec, classifier.name, as_json=as_json)
         publishers = _publish(loop, publish)
     except BaseException:
@@ -301,33 +301,26 @@ def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:
     return found
 
 
-def _note_differences(classifier: TouchClassifier, loop: TouchLoop) -> None:
-    """Say in one line on which parts the model has not learnt, and in one what it lacks."""
-    _note_lacks(classifier)
-    _note_coarse(loop.skins.values())
-    found = {part: classifier.difference(one.skin).message for part, one in loop.skins.items()}
+def _note(classifier: TouchClassifier, skins: Mapping[str, PreparedSkin]) -> None:
+    """Say what a model does not answer itself, and on which parts it has not learnt.
+
+    And of each skin with taxels wider apart than a fingertip, that it feels none between them.
+    """
+    if lacks := lacking(classifier):
+        click.echo(f"note: the model {lacks}", err=True)
+    for part, one in skins.items():
+        if one.skin.spacing > FINGERTIP:
+            click.echo(
+                f"note: taxels of {part!r} lie {one.skin.spacing * MM:.0f} mm apart, more "
+                "than a fingertip: a press on one alone counts as a spike, as no contact",
+                err=True,
+            )
+    found = {part: classifier.difference(one.skin).message for part, one in skins.items()}
     strange = [part for part, message in found.items() if message]
     if len(strange) == 1:
         click.echo(f"note: {found[strange[0]]}", err=True)
     elif strange:
         click.echo(f"note: the model did not learn on {', '.join(strange)}", err=True)
-
-
-def _note_coarse(skins: Iterable[PreparedSkin]) -> None:
-    """Say of each skin with taxels wider apart than a fingertip that it feels none between them."""
-    for one in skins:
-        if one.skin.spacing > FINGERTIP:
-            click.echo(
-                f"note: taxels of {one.skin.part!r} lie {one.skin.spacing * MM:.0f} mm apart, more "
-                "than a fingertip: a press on one alone counts as a spike, as no contact",
-                err=True,
-            )
-
-
-def _note_lacks(classifier: TouchClassifier) -> None:
-    """Say once what a model of before, or one without groups of its own, does not answer itself."""
-    if lacks := lacking(classifier):
-        click.echo(f"note: the model {lacks}", err=True)
 
 
 def name_recorded(
@@ -350,8 +343,9 @@ def name_recorded(
             "its robot by --robot"
         )
     skins = prepare_skins(loaded, chosen)
-    check_model(classifier, skins, chosen)
-    _note_lacks(classifier)
+    check_classifier(classifier, skins.values())
+    _note(classifier, skins)
+    _note_labels(classifier, chosen)
     loads = load_calibrations(calibrations, skins)
     rows: list[NamedRow] = []
     right = 0
@@ -487,23 +481,8 @@ def _motion(
     }
 
 
-def check_model(
-    classifier: TouchClassifier, skins: Mapping[str, PreparedSkin], recordings: Sequence[Recording]
-) -> None:
-    """Refuse skins that a model cannot name touches on; say what else does not fit.
-
-    Raises
-    ------
-    SkinMismatchError
-        A model that reads taxels by their number, and another skin.
-    """
-    _note_coarse(skins.values())
-    for skin in skins.values():
-        difference = classifier.difference(skin.skin)
-        if not difference.may_go_on:
-            raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
-        if difference.message:
-            click.echo(f"note: {difference.message}", err=True)
+def _note_labels(classifier: TouchClassifier, recordings: Sequence[Recording]) -> None:
+    """Say which recorded labels the model lacks."""
     recorded = {kind for one in recordings for label in one.labels for kind in label.split(JOIN)}
     strange = sorted(recorded - set(classifier.labels))
     if strange:
