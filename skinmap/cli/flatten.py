@@ -21,10 +21,10 @@ from skinmap.commands.options import (
     out_folder,
     part_option,
     prints,
+    profile_option,
     word,
     workers_options,
 )
-from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.errors import (
     InvalidArrayError,

@@ -15,11 +15,11 @@ from skinmap.commands.options import (
     out_option,
     part_option,
     prints,
+    profile_option,
     read_radius,
     robot_argument,
     word,
 )
-from skinmap.commands.profiles import profile_option
 from skinmap.errors import warn
 from skinmap.report.present import present
 from skinmap.report.table import Table

@@ -17,13 +17,13 @@ from skinmap.commands.options import (
     out_file,
     part_option,
     prints,
+    profile_option,
     read_radius,
     robot_option,
     seed_option,
     whole,
     word,
 )
-from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError, UnknownNameError, check_known
 from skinmap.io.output import staged_file
