@@ -336,10 +336,8 @@ class TouchLoop(Summary):
         seconds : float
             Of its clock, at most.
         """
-        checks, end = (
-            SampleChecks(self.info, Counts(), seekable=True, taxels=self._gather),
-            float("nan"),
-        )
+        checks = SampleChecks(self.info, Counts(), seekable=True, taxels=self._gather)
+        end = float("nan")
         for block in blocks(source):
             end = float(block.times[0]) + seconds if end != end else end
             for _, _, values in checks.look(block):
