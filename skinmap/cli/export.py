@@ -26,7 +26,7 @@ from skinmap.io.output import staged_file, staged_folder
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
-    from skinmap.io.recordings.recorded_stream import RecordedStream
+    from skinmap.io.recordings.recorded_stream import Kind, RecordedStream, StreamInfo
     from skinmap.io.taxels.cyskin import CySkin
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.playback import MarkedSpan
@@ -542,7 +542,7 @@ def export_rerun(source: str, parts: tuple[str, ...], output: Path, _: Any) -> E
     with _naming(path, parts) as (loop, marked), staged_file(output) as stage:
         skins = {part: one.skin for part, one in loop.skins.items()}
         samples = write_rerun(loop, loop.robot, skins, stage, name=path.name, marked=marked)
-    return _named_recording(loop, "rrd", samples, output)
+    return _recording(loop.dense_info(), loop.info.kind, samples, "rrd", output)
 
 
 def export_contacts(
@@ -557,17 +557,21 @@ def export_contacts(
     named = _naming(Path(source), parts, calibrations)
     with named as (loop, marked), staged_file(output) as stage:
         write_contacts(loop, loop.robot, stage, parquet=parquet, marked=marked)
-    return _named_recording(loop, "contacts", loop.counts.used, output)
+    samples = loop.counts.used
+    return _recording(loop.dense_info(), loop.info.kind, samples, "contacts", output)
 
 
-def _named_recording(loop: TouchLoop, format: str, samples: int, output: Path) -> ExportedRecording:
+def _recording(
+    info: StreamInfo, kind: Kind, samples: int, format: str, output: Path
+) -> ExportedRecording:
     return ExportedRecording(
-        robot=loop.robot.name,
+        robot=info.robot,
         format=format,
-        kind=loop.info.kind,
+        kind=kind,
         samples=samples,
         parts=[
-            ChannelsOfPart(name=part, channels=len(one.skin)) for part, one in loop.skins.items()
+            ChannelsOfPart(name=part, channels=width)
+            for part, width in zip(info.parts, info.widths, strict=True)
         ],
         files=[str(output)],
     )
@@ -598,15 +602,7 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
     else:
         formats = [*WRITERS, *([MCAP] if mends else [])]
         raise UnknownNameError("format of a recording for files ending in", suffix, formats)
-    pairs = zip(track.parts, track.info.widths, strict=True)
-    return ExportedRecording(
-        robot=track.info.robot,
-        format=format or suffix[1:],
-        kind=track.kind,
-        samples=len(track.times),
-        parts=[ChannelsOfPart(name=part, channels=width) for part, width in pairs],
-        files=[str(output)],
-    )
+    return _recording(track.info, track.kind, len(track.times), format or suffix[1:], output)
 
 
 def _write_folder(track: RecordedStream, output: Path, format: str) -> None:
