@@ -125,8 +125,8 @@ def words(
     name: str, into: str, metavar: str, text: str, *, shown: Any = None, **more: Any
 ) -> Callable[[F], F]:
     """An option that takes a word and may be repeated, and the parameter that they come in."""
-    how = {"metavar": metavar, "multiple": True, "help": text}
-    return click.option(name, into, **how, **_default(shown), **more)
+    more |= {"metavar": metavar, "multiple": True, "help": text}
+    return click.option(name, into, **_default(shown), **more)
 
 
 def choice(
