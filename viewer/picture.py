@@ -315,7 +315,7 @@ class Bodiless(UrdfBody):
     """The body of a skin that is alone: its link, without a mesh."""
 
     def __init__(self, link: str) -> None:
-        self._links, self._tree, self._moved = {link: Link(())}, {}, []
+        self._links, self._tree, self._moved = {link: Link(())}, {}, {}
 
 
 def alone(skin: PreparedSkin) -> tuple[Robot, dict[str, PreparedSkin]]:

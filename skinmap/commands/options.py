@@ -467,18 +467,18 @@ class Jobs(click.ParamType["int | str"]):
         return click.IntRange(1, MAX_JOBS).convert(value, param, ctx)
 
 
-_jobs_option = click.option(
+_jobs_option = word(
     "--jobs",
+    "N|URL",
+    f"Processes (1 to {MAX_JOBS}), or a Dask scheduler: tcp://HOST:PORT.",
+    shown="1",
     type=Jobs(),
-    metavar="N|URL",
-    **_default(1),
-    help=f"Processes (1 to {MAX_JOBS}), or a Dask scheduler: tcp://HOST:PORT.",
 )
-_resume_option = click.option(
+_resume_option = word(
     "--resume",
-    type=click.Path(path_type=Path),
-    metavar="FOLDER",
-    help="Of finished results: run the same again after an interruption to go on.",
+    "FOLDER",
+    "Of finished results: run the same again after an interruption to go on.",
+    type=PATH,
 )
 
 
