@@ -515,6 +515,4 @@ def _ports(xml: str) -> set[int]:
     from lxml import etree
 
     root = etree.fromstring(xml.encode())
-    names = ("v4data_port", "v4service_port")
-    found = {int(root.findtext(name) or 0) for name in names}
-    return found - {0}
+    return {int(root.findtext(f"v4{one}_port") or 0) for one in ("data", "service")} - {0}

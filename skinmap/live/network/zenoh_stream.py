@@ -246,9 +246,7 @@ class ZenohSource(Source):
         while len(found) < MAX_BLOCK:
             left = 0.0 if found else max(0.0, deadline - time.perf_counter())
             try:
-                arrived, kind, message, beside = (
-                    self._came.get(timeout=left) if left else (self._came.get_nowait())
-                )
+                arrived, kind, message, beside = self._came.get(left > 0.0, left)
             except queue.Empty:
                 break
             sample = self._sample(arrived, kind, message, beside)

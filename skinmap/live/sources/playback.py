@@ -133,8 +133,7 @@ class Playback(Seekable):
     def gaps(self) -> list[tuple[float, float]]:
         """Where samples are missing for `GAP` and longer [s], in the recording's clock."""
         after = np.flatnonzero(np.diff(self._times) > max(GAP, 2 * self._step))
-        pairs = zip(self._times[after].tolist(), self._times[after + 1].tolist(), strict=True)
-        return list(pairs)
+        return list(zip(self._times[after].tolist(), self._times[after + 1].tolist(), strict=True))
 
     def marked(self) -> list[MarkedSpan]:
         """Part, label, beginning and end [s] of each mark, in the recording's clock."""
