@@ -12,7 +12,7 @@ import click
 
 from skinmap.commands.options import PATH, choice, out_file, prints, words
 from skinmap.commands.overwriting import FORCE
-from skinmap.errors import check_known, warn
+from skinmap.errors import SkinError, check_known, warn
 from skinmap.io.robots.new_manifest import (
     KNOWN_UNITS,
     NEAR,
@@ -25,7 +25,7 @@ from skinmap.io.robots.new_manifest import (
     unclear,
     write_manifest,
 )
-from skinmap.io.text import UNITS
+from skinmap.io.text import UNITS, read_toml
 from skinmap.report.present import emit, present, show
 from skinmap.report.table import Table
 
@@ -273,12 +273,9 @@ def _warn(chosen: Candidate, table: TaxelTable, robot: Robot, stated: str | None
 
 def _parts_in(output: Path) -> list[str]:
     """Names of the parts of a manifest that is there."""
-    import tomllib
-
     try:
-        held = tomllib.loads(output.read_text(encoding="utf-8"))["part"]
-        return [str(one["name"]) for one in held]
-    except (OSError, ValueError, LookupError, TypeError):
+        return [str(one["name"]) for one in read_toml(output)["part"]]
+    except (SkinError, LookupError, TypeError):
         return []  # none, or no manifest
 
 
