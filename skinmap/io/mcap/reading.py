@@ -49,11 +49,11 @@ from skinmap.io.recordings.recorded_stream import (
     Loss,
     MarkedTouch,
     Overview,
-    OverviewMaker,
     RecordedStream,
     StreamInfo,
     measured_rate,
     nanoseconds_of,
+    overview_of,
     seconds_of,
 )
 from skinmap.io.ros2 import messages as ros2
@@ -517,21 +517,8 @@ def write_repaired(path: Path, output: Path) -> RecordedStream:
     with _copied(index, head, output) as (writer, numbers):
         _copy(writer, index, numbers)
         words = {ros2.BAG_METADATA: {ros2.BAG_KEY: ros2.bag_metadata(output.name, _facts(index))}}
-        writer.finish(words, _overview(track, track.touches))
+        writer.finish(words, overview_of(track, track.touches))
     return track
-
-
-def _overview(track: RecordedStream, touches: Sequence[MarkedTouch]) -> bytes:
-    """The overview of a recording with these touches, by its own samples where it has none."""
-    made = track.overview
-    if made is None:
-        maker = OverviewMaker(track.info.widths, track.kind == "raw")
-        for rows, values in track.blocks():
-            for time, row in zip(track.times[rows].tolist(), values, strict=True):
-                maker.add(time, row)
-        made = maker.overview()
-    began = [(track.parts.index(one.part), float(track.times[one.first])) for one in touches]
-    return made.marked(began).to_bytes(track.parts)
 
 
 def write_marked(path: Path, output: Path, touches: Sequence[MarkedTouch]) -> None:
@@ -559,7 +546,7 @@ def write_marked(path: Path, output: Path, touches: Sequence[MarkedTouch]) -> No
             began, ended = track.times[[one.first, one.last]].tolist()
             stamp, text = mark_text(one, began, ended, head)
             writer.add_message(place, stamp, text.encode() if bare else text_message(text), 0)
-        writer.finish(overview=_overview(track, touches))
+        writer.finish(overview=overview_of(track, touches))
 
 
 @contextmanager

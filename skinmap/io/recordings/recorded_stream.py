@@ -583,3 +583,16 @@ def _owner_row(owners: Mapping[str, list[int]], taxels: int, path: Path) -> IntA
         except (ValueError, IndexError, TypeError, OverflowError):
             raise DataFormatError(f"owner {name!r} of a touch is damaged", path) from None
     return row
+
+
+def overview_of(track: RecordedStream, touches: Sequence[MarkedTouch]) -> bytes:
+    """The overview of a recording with these touches, by its own samples where it has none."""
+    made = track.overview
+    if made is None:
+        maker = OverviewMaker(track.info.widths, track.kind == "raw")
+        for rows, values in track.blocks():
+            for time, row in zip(track.times[rows].tolist(), values, strict=True):
+                maker.add(time, row)
+        made = maker.overview()
+    began = [(track.parts.index(one.part), float(track.times[one.first])) for one in touches]
+    return made.marked(began).to_bytes(track.parts)
