@@ -498,7 +498,9 @@ def taxel_strain(skin: PreparedSkin) -> FloatArray:
 
 # As `calibration.response.Health` names them, and what only a stream can be: silent, or high since
 # it began ("unheard"), so that nobody knows whether it is touched or hangs.
-STATES = ("ok", "never touched", "dead", "stuck", "saturated", "noisy", "unheard", "stale")
+STATES: tuple[str, ...] = (
+    "ok", "never touched", "dead", "stuck", "saturated", "noisy", "unheard", "stale",
+)  # fmt: skip
 OK, NEVER, DEAD, STUCK, SATURATED, NOISY, UNHEARD, STALE = range(len(STATES))
 MUTE = (DEAD, STUCK, NOISY, UNHEARD)  # what such a taxel reads is not a pressure
 MUTED = np.isin(np.arange(len(STATES)), MUTE)
