@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -302,25 +302,27 @@ def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:
 
 
 def _note(classifier: TouchClassifier, skins: Mapping[str, PreparedSkin]) -> None:
-    """Say what a model does not answer itself, and on which parts it has not learnt.
-
-    And of each skin with taxels wider apart than a fingertip, that it feels none between them.
-    """
+    """Say what a model does not answer itself, and on which parts it has not learnt."""
     if lacks := lacking(classifier):
         click.echo(f"note: the model {lacks}", err=True)
-    for part, one in skins.items():
-        if one.skin.spacing > FINGERTIP:
-            click.echo(
-                f"note: taxels of {part!r} lie {one.skin.spacing * MM:.0f} mm apart, more "
-                "than a fingertip: a press on one alone counts as a spike, as no contact",
-                err=True,
-            )
+    _note_coarse(skins.values())
     found = {part: classifier.difference(one.skin).message for part, one in skins.items()}
     strange = [part for part, message in found.items() if message]
     if len(strange) == 1:
         click.echo(f"note: {found[strange[0]]}", err=True)
     elif strange:
         click.echo(f"note: the model did not learn on {', '.join(strange)}", err=True)
+
+
+def _note_coarse(skins: Iterable[PreparedSkin]) -> None:
+    """Say of each skin with taxels wider apart than a fingertip that it feels none between them."""
+    for one in skins:
+        if one.skin.spacing > FINGERTIP:
+            click.echo(
+                f"note: taxels of {one.skin.part!r} lie {one.skin.spacing * MM:.0f} mm apart, more "
+                "than a fingertip: a press on one alone counts as a spike, as no contact",
+                err=True,
+            )
 
 
 def name_recorded(
