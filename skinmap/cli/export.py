@@ -557,8 +557,7 @@ def export_contacts(
     named = _naming(Path(source), parts, calibrations)
     with named as (loop, marked), staged_file(output) as stage:
         write_contacts(loop, loop.robot, stage, parquet=parquet, marked=marked)
-    samples = loop.counts.used
-    return _recording(loop.dense_info(), loop.info.kind, samples, "contacts", output)
+    return _recording(loop.dense_info(), loop.info.kind, loop.counts.used, "contacts", output)
 
 
 def _recording(
