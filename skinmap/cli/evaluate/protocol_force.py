@@ -343,7 +343,7 @@ def _beside(
     return float(rms.mean()), inside / int(np.sum(counts)), left, ""
 
 
-def load_lines(result: LoadsResult) -> Iterator[str | Table]:
+def loads_lines(result: LoadsResult) -> Iterator[str | Table]:
     """The tables of a result."""
     yield (
         f"{result.robot}, {result.calibrated} of them calibrated (model {result.model}); answers "
@@ -376,5 +376,5 @@ def _zero_words(row: LoadRow) -> str:
 
 EVALUATIONS = {
     "force": Evaluation(judge_force, force_lines),
-    "load": Evaluation(judge_load, load_lines, ZeroSetting),
+    "load": Evaluation(judge_load, loads_lines, ZeroSetting),
 }
