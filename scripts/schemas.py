@@ -11,8 +11,7 @@ from typing import Any
 import click
 
 from skinmap.cli.main import cli
-from skinmap.commands.options import results_of
-from skinmap.commands.profiles import Profiled, ProfileUsed
+from skinmap.commands.options import Profiled, ProfileUsed, results_of
 from skinmap.report.result import result_schema
 
 ROOT = Path(__file__).resolve().parents[1]

@@ -39,12 +39,12 @@ from skinmap.front import robots as robots
 from skinmap.io.recordings.touch_files import load_recordings as load_recordings
 from skinmap.io.recordings.touch_files import save_recordings as save_recordings
 from skinmap.io.robots.manifest import load_robot as load_robot
+from skinmap.live.contacts.named_touch import Moment as Moment
 from skinmap.live.contacts.named_touch import NamedTouch as NamedTouch
 from skinmap.live.contacts.named_touch import TouchEvent as TouchEvent
 from skinmap.live.loop import TouchLoop as TouchLoop
-from skinmap.live.moment import Moment as Moment
-from skinmap.live.recording.recording_tap import Recorded as Recorded
-from skinmap.live.recording.recording_tap import record as record
+from skinmap.live.recording.recorder import Recorded as Recorded
+from skinmap.live.recording.recorder import record as record
 from skinmap.live.sources.open_source import open_source as open_source
 
 # What they return or raise, and two names for what has another one since.

@@ -6,6 +6,7 @@ import difflib
 import os
 import re
 import tokenize
+import warnings
 import zipfile
 import zlib
 from collections.abc import Collection, Iterable
@@ -225,3 +226,15 @@ class ImpossibleBudgetError(SkinError, ValueError):
 
 class SkinWarning(UserWarning):
     """A result that stands but deserves a second look."""
+
+
+def warn(text: str, above: int = 0) -> None:
+    """Warn with `SkinWarning`, at the line that called the caller.
+
+    Parameters
+    ----------
+    text : str
+    above : int
+        So many callers further up.
+    """
+    warnings.warn(text, SkinWarning, stacklevel=3 + above)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import stat
 import tomllib
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -15,7 +14,7 @@ from typing import Annotated, Any
 import msgspec
 
 from skinmap import __version__
-from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
+from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError, warn
 from skinmap.validation import checked, shown
 
 FORMAT = 1
@@ -168,11 +167,9 @@ def read_profile(path: Path | str) -> Profile:
         knobs = {name: value for name, value in entry.items() if name != PREDICTED}
         settings[task] = _settings(task, knobs, path)
     if about.skinmap != __version__:
-        warnings.warn(
+        warn(
             f"{path} was measured with Skinmap {about.skinmap}, this is {__version__}: "
-            "times and errors may differ from those predicted",
-            SkinWarning,
-            stacklevel=2,
+            "times and errors may differ from those predicted"
         )
     return Profile(path, about.robot, about.part, settings)
 

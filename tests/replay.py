@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.loop import TouchLoop
-from skinmap.live.moment import Moment
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import StreamInfo
 from skinmap.recognition.classifier import TouchClassifier

@@ -10,7 +10,7 @@ from click.testing import CliRunner
 import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import InvalidArrayError
-from skinmap.live.contacts.contact_forces import PartForces
+from skinmap.live.response.loads import PartForces
 from skinmap.skin.normals import repair_normals
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch import measure_skin

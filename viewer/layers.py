@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
 from skinmap.errors import SkinMismatchError, UnknownNameError, check_known
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.touched_taxels import Touched
 from skinmap.neighbours.offsets import auto_radius, concatenate
 from skinmap.neighbours.structures import find_structures, usual_radius, usual_tolerance
@@ -498,7 +498,9 @@ def taxel_strain(skin: PreparedSkin) -> FloatArray:
 
 # As `calibration.response.Health` names them, and what only a stream can be: silent, or high since
 # it began ("unheard"), so that nobody knows whether it is touched or hangs.
-STATES = ("ok", "never touched", "dead", "stuck", "saturated", "noisy", "unheard", "stale")
+STATES: tuple[str, ...] = (
+    "ok", "never touched", "dead", "stuck", "saturated", "noisy", "unheard", "stale",
+)  # fmt: skip
 OK, NEVER, DEAD, STUCK, SATURATED, NOISY, UNHEARD, STALE = range(len(STATES))
 MUTE = (DEAD, STUCK, NOISY, UNHEARD)  # what such a taxel reads is not a pressure
 MUTED = np.isin(np.arange(len(STATES)), MUTE)

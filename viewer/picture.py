@@ -24,8 +24,8 @@ from skinmap.flat.flat_map import FlatMap
 from skinmap.io.recordings.touch_files import recorded_robot
 from skinmap.io.robots.manifest import builtin_named, builtin_robots, load_robot
 from skinmap.io.robots.urdf import Link, UrdfBody
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.loop import TouchLoop
-from skinmap.live.moment import Moment
 from skinmap.live.sources.open_source import FILES, open_source, sources
 from skinmap.report.touch_figures import with_contacts
 from skinmap.skin.robot import Part, Robot
@@ -315,7 +315,7 @@ class Bodiless(UrdfBody):
     """The body of a skin that is alone: its link, without a mesh."""
 
     def __init__(self, link: str) -> None:
-        self._links, self._tree, self._moved = {link: Link(())}, {}, []
+        self._links, self._tree, self._moved = {link: Link(())}, {}, {}
 
 
 def alone(skin: PreparedSkin) -> tuple[Robot, dict[str, PreparedSkin]]:

@@ -23,8 +23,7 @@ from skinmap.display import require_opengl
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError, check_known
 from skinmap.flat.flat_map import FlatMap
 from skinmap.io.output import staged_file
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.live.touched_taxels import Touched
 from skinmap.skin.robot import Robot
 from skinmap.surface.surface_mesh import SurfaceMesh

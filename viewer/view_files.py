@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from skinmap.errors import InvalidArrayError, OutputError, SkinWarning
 from skinmap.geometry.rigid import transform_directions
 from skinmap.io.output import refusals, staged_file
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.sources.source import Seekable, SourceEnded
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 from viewer.drawing.frame.camera import AZIMUTHS, View, front_view

@@ -13,16 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import (
-    InvalidArrayError,
-    SkinMismatchError,
-    UnknownNameError,
-    UnreachableError,
-)
+from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError, UnreachableError
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.loop import TouchLoop
-from skinmap.live.moment import Moment
-from skinmap.live.sources.open_recording import open_recording
-from skinmap.live.sources.open_source import open_source
+from skinmap.live.sources.open_source import open_recording, open_source
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import Seekable, Source, SourceEnded, is_live
 from skinmap.live.touched_taxels import LEARN, Touched, recordings_of, touched_in

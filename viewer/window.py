@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from viewer.interaction.controls import Controls
 from viewer.interaction.mouse import Events, Pace
 from viewer.pair import LEFT, RIGHT, Pair

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.playing.player import Player

@@ -29,8 +29,8 @@ from benchmarks.harness.timing import memory_mb, quartiles, timed
 from benchmarks.live import recordings
 from skinmap.live import open_publisher
 from skinmap.live.contacts.contact_tracker import ContactTracker
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.loop import TouchLoop
-from skinmap.live.moment import Moment
 from skinmap.live.response.pressures import RestBaseline
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.open_source import open_source

@@ -255,7 +255,7 @@ def opens(result: Path, names: frozenset[str] = frozenset()) -> bool:
     import warnings
 
     from skinmap.errors import SkinError
-    from skinmap.live.sources.open_recording import open_track
+    from skinmap.live.sources.open_source import open_track
     from skinmap.recognition.model_file import load_classifier
 
     if result.is_dir():  # what was staged in it vanishes with the next run's temporary names

@@ -28,8 +28,7 @@ SIZE = (320, 240)
 
 def moments(skins: dict[str, Any], seed: int = 0) -> Iterator[Any]:
     """Touches that wander over the parts, appear and go, without end."""
-    from skinmap.live.contacts.named_touch import NamedTouch
-    from skinmap.live.moment import Moment
+    from skinmap.live.contacts.named_touch import Moment, NamedTouch
 
     rng = np.random.default_rng(seed)
     number, parts = 0, list(skins)

@@ -21,8 +21,7 @@ import numpy as np
 import skinmap
 from benchmarks.harness.record import command
 from benchmarks.harness.timing import process_table
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.playing.player import Player
 from viewer.web.server import serve

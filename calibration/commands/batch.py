@@ -15,9 +15,8 @@ import msgspec
 
 from calibration.commands.calibration_options import FILE, Outputs, PatchFiles, outputs
 from calibration.commands.results import Grade, PatchResult
-from skinmap.commands.options import prints
+from skinmap.commands.options import WorkerOptions, prints, workers_options
 from skinmap.commands.progress import progress
-from skinmap.commands.spreading import WorkerOptions, workers_options
 from skinmap.errors import DataFormatError, SkinError, unknown_name
 from skinmap.io.text import UNITS
 from skinmap.report.present import present

@@ -34,8 +34,7 @@ from skinmap.arrays import BoolArray, FloatArray
 from skinmap.clock_lines import align, reference_at
 from skinmap.errors import InvalidArrayError
 from skinmap.io.recordings.load_evidence import LoadEvidence
-from skinmap.live.contacts.contact_forces import FELT, SPREAD, PartForces
-from skinmap.live.response.loads import heaviest_load
+from skinmap.live.response.loads import FELT, SPREAD, PartForces, heaviest_load
 from skinmap.memory_features import FEATURES
 from skinmap.skin.skin import Skin
 from skinmap.touch.load_calibration import (

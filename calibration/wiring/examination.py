@@ -254,7 +254,7 @@ def examine_recording(
     DataFormatError
         Places that do not belong to it.
     """
-    from skinmap.live.sources.open_recording import open_track
+    from skinmap.live.sources.open_source import open_track
     from skinmap.live.sources.source import check_skin
 
     track = open_track(path, robot=robot)

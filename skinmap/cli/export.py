@@ -21,10 +21,12 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.progress import progress
 from skinmap.errors import KINDS, DataFormatError, MissingFileError, OutputError, UnknownNameError
+from skinmap.imports import import_optional
+from skinmap.io.output import staged_file, staged_folder
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
-    from skinmap.io.recordings.recorded_stream import RecordedStream
+    from skinmap.io.recordings.recorded_stream import Kind, RecordedStream, StreamInfo
     from skinmap.io.taxels.cyskin import CySkin
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.playback import MarkedSpan
@@ -376,8 +378,6 @@ def _is_recording(path: Path) -> bool:
 
 def export_taxels(source: str, parts: tuple[str, ...], output: Path, format: str) -> ExportedTaxels:
     """Write the taxels of a part, or of a bare table."""
-    from skinmap.io.output import staged_file
-
     robot, part, table = _table(source, parts)
     _check_ending(output, format)
     with staged_file(output) as stage:
@@ -394,7 +394,6 @@ def export_taxels(source: str, parts: tuple[str, ...], output: Path, format: str
 
 def export_model(robot: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedModel:
     """Write a whole robot with its skins, or those of some parts."""
-    from skinmap.io.output import staged_file
     from skinmap.io.robots.mjcf import write_mjcf
 
     loaded, names = open_robot(robot, parts)
@@ -418,8 +417,7 @@ def export_model(robot: str, parts: tuple[str, ...], output: Path, _: Any) -> Ex
 
 def export_touched(source: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedTouched:
     """Write where the parts of a robot were touched in a recording, or in those of a folder."""
-    from skinmap.io.output import staged_file
-    from skinmap.live.sources.open_recording import open_recording
+    from skinmap.live.sources.open_source import open_recording
     from skinmap.live.touched_taxels import recordings_of, robot_of, touched_in
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -466,7 +464,6 @@ def export_images(source: str, parts: tuple[str, ...], output: Path, _: Any) -> 
     import numpy as np
 
     from skinmap.cli.collection import collect
-    from skinmap.io.output import staged_folder
     from skinmap.io.recordings.image_files import LabelledImages, write_images
     from skinmap.touch.contacts.skin_geometry import pressed
     from skinmap.touch.images.contact_image import SIZE, paper_images
@@ -513,7 +510,7 @@ def _naming(
     """
     from skinmap.live.loop import TouchLoop
     from skinmap.live.response.loads import load_calibrations
-    from skinmap.live.sources.open_recording import open_recording
+    from skinmap.live.sources.open_source import open_recording
     from skinmap.live.touched_taxels import LEARN, robot_of
     from skinmap.recognition.named_classifiers import default_model
     from skinmap.touch.prepared_skin import PreparedSkin
@@ -538,8 +535,6 @@ def _naming(
 
 def export_rerun(source: str, parts: tuple[str, ...], output: Path, _: Any) -> ExportedRecording:
     """Write a recording as a file of rerun, its touches named by the model of Skinmap."""
-    from skinmap.imports import import_optional
-    from skinmap.io.output import staged_file
     from skinmap.live.moment_files import NEED, write_rerun
 
     import_optional("rerun", NEED)  # before any work is done
@@ -547,15 +542,13 @@ def export_rerun(source: str, parts: tuple[str, ...], output: Path, _: Any) -> E
     with _naming(path, parts) as (loop, marked), staged_file(output) as stage:
         skins = {part: one.skin for part, one in loop.skins.items()}
         samples = write_rerun(loop, loop.robot, skins, stage, name=path.name, marked=marked)
-    return _named_recording(loop, "rrd", samples, output)
+    return _recording(loop.dense_info(), loop.info.kind, samples, "rrd", output)
 
 
 def export_contacts(
     source: str, parts: tuple[str, ...], output: Path, calibrations: tuple[str, ...]
 ) -> ExportedRecording:
     """Write the touches of a recording as a table, a row for each touch and sample."""
-    from skinmap.imports import import_optional
-    from skinmap.io.output import staged_file
     from skinmap.live.moment_files import NEED_ARROW, write_contacts
 
     parquet = output.suffix.lower() == ".parquet"
@@ -564,17 +557,20 @@ def export_contacts(
     named = _naming(Path(source), parts, calibrations)
     with named as (loop, marked), staged_file(output) as stage:
         write_contacts(loop, loop.robot, stage, parquet=parquet, marked=marked)
-    return _named_recording(loop, "contacts", loop.counts.used, output)
+    return _recording(loop.dense_info(), loop.info.kind, loop.counts.used, "contacts", output)
 
 
-def _named_recording(loop: TouchLoop, format: str, samples: int, output: Path) -> ExportedRecording:
+def _recording(
+    info: StreamInfo, kind: Kind, samples: int, format: str, output: Path
+) -> ExportedRecording:
     return ExportedRecording(
-        robot=loop.robot.name,
+        robot=info.robot,
         format=format,
-        kind=loop.info.kind,
+        kind=kind,
         samples=samples,
         parts=[
-            ChannelsOfPart(name=part, channels=len(one.skin)) for part, one in loop.skins.items()
+            ChannelsOfPart(name=part, channels=width)
+            for part, width in zip(info.parts, info.widths, strict=True)
         ],
         files=[str(output)],
     )
@@ -583,10 +579,9 @@ def _named_recording(loop: TouchLoop, format: str, samples: int, output: Path) -
 def export_recording(path: Path, output: Path, format: str | None = None) -> ExportedRecording:
     """Write a recording as arrays, a data set, a bag, or an MCAP that is whole again."""
     from skinmap.io.mcap.reading import write_repaired
-    from skinmap.io.output import staged_file
     from skinmap.io.recordings import learning
     from skinmap.io.ros2.bag import mapping_of
-    from skinmap.live.sources.open_recording import open_track
+    from skinmap.live.sources.open_source import open_track
 
     suffix = output.suffix.lower()
     mends = path.suffix.lower() == MCAP and not mapping_of(path).is_file()
@@ -606,25 +601,15 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
     else:
         formats = [*WRITERS, *([MCAP] if mends else [])]
         raise UnknownNameError("format of a recording for files ending in", suffix, formats)
-    pairs = zip(track.parts, track.info.widths, strict=True)
-    return ExportedRecording(
-        robot=track.info.robot,
-        format=format or suffix[1:],
-        kind=track.kind,
-        samples=len(track.times),
-        parts=[ChannelsOfPart(name=part, channels=width) for part, width in pairs],
-        files=[str(output)],
-    )
+    return _recording(track.info, track.kind, len(track.times), format or suffix[1:], output)
 
 
 def _write_folder(track: RecordedStream, output: Path, format: str) -> None:
     """Write a folder that is not there yet: readers take all files in it for theirs."""
     if format == "lerobot":
-        from skinmap.io.recordings.lerobot import write_lerobot as write
+        from skinmap.io.recordings.learning import write_lerobot as write
     else:
         from skinmap.io.ros2.bag import write_rosbag2 as write
-    from skinmap.io.output import staged_folder
-
     _check_new(output)
     with staged_folder(output) as stage:
         write(track, stage)

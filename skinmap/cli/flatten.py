@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from skinmap.commands.options import (
+    ALONE,
+    WorkerOptions,
     Written,
     file_option,
     number,
@@ -19,11 +21,11 @@ from skinmap.commands.options import (
     out_folder,
     part_option,
     prints,
+    profile_option,
     word,
+    workers_options,
 )
-from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
-from skinmap.commands.spreading import ALONE, WorkerOptions, workers_options
 from skinmap.errors import (
     InvalidArrayError,
     MissingFileError,

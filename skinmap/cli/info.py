@@ -14,7 +14,7 @@ from pathlib import Path
 
 import click
 
-from skinmap.commands.options import PATH, open_robot, prints
+from skinmap.commands.options import PATH, open_robot, played_robot_option, prints
 from skinmap.display import has_display, window_class
 from skinmap.display import loads as loads_library
 from skinmap.errors import MissingLibraryError
@@ -266,11 +266,7 @@ class RecordingInfo:
 
 @click.command("info")
 @click.argument("recording", required=False, type=PATH)
-@click.option(
-    "--robot",
-    metavar="ROBOT",
-    help="Robot whose skin it must be; it also names a dumper's folders.",
-)
+@played_robot_option
 @prints(RecordingInfo, InstallationInfo)
 def command(recording: Path | None, robot: str | None, as_json: bool) -> None:
     """Describe a recording, or the installation.
@@ -294,7 +290,7 @@ def command(recording: Path | None, robot: str | None, as_json: bool) -> None:
 
 def work(path: Path, robot: str | None) -> tuple[RecordingInfo, Counter[str], list[str]]:
     """What is in the file, its touches by label, and what is wrong with it in words."""
-    from skinmap.live.sources.open_recording import open_track
+    from skinmap.live.sources.open_source import open_track
     from skinmap.live.sources.source import check_skin
 
     loaded = open_robot(robot, ())[0] if robot else None

@@ -11,10 +11,12 @@ from typing import TYPE_CHECKING
 
 import click
 
-from skinmap.commands.options import PATH, open_robot, out_file, prints, robot_option
+from skinmap.commands.options import PATH, open_robot, out_file, prints, robot_option, word
 from skinmap.commands.overwriting import protect
 from skinmap.errors import MissingFileError, OutputError, SkinError
+from skinmap.io.output import staged_file
 from skinmap.report.present import present
+from skinmap.touch.touch_labels import RESERVED, UNNAMED, check_label
 
 if TYPE_CHECKING:
     from skinmap.arrays import FloatArray
@@ -63,11 +65,7 @@ class LabelResult:
     required=True, guarded=False,
 )  # fmt: skip
 @click.option("--find", is_flag=True, help="Find the touches again and ignore the marks.")
-@click.option(
-    "--name",
-    metavar="LABEL",
-    help="Name of all touches without one; outside a terminal no key is asked for.",
-)
+@word("--name", "LABEL", "Name of all touches without one; outside a terminal no key is asked for.")
 @robot_option
 @prints(LabelResult)
 def command(
@@ -90,10 +88,8 @@ def command(
               skinmap label touch.mcap -o touches.csv
               skinmap label touch.mcap touches.csv -o named.mcap
     """
-    from skinmap.io.output import staged_file
     from skinmap.io.recordings.marks import Marks, marks_csv, read_marks
-    from skinmap.live.sources.open_recording import open_track
-    from skinmap.touch.touch_labels import RESERVED, UNNAMED, check_label
+    from skinmap.live.sources.open_source import open_track
 
     _check(recording, output, changes=table is not None)
     label = None if name is None else check_label(name)
@@ -180,9 +176,8 @@ def _found(recording: Path, robot: Robot, times: FloatArray) -> Marks:
     from skinmap.io.recordings.marks import Marks
     from skinmap.io.recordings.recorded_stream import MarkedTouch
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.sources.open_recording import open_recording
+    from skinmap.live.sources.open_source import open_recording
     from skinmap.recognition.classifier import GivenName
-    from skinmap.touch.touch_labels import UNNAMED
 
     source = open_recording(recording, robot=robot, speed=float("inf"))
     loop = TouchLoop(robot, source, classifier=GivenName(FOUND), singly=True)
@@ -241,7 +236,6 @@ def write_marked_recording(
     `own` are its pressures; none where it is copied as it is.
     """
     from skinmap.io.mcap.reading import write_marked
-    from skinmap.io.output import staged_file
     from skinmap.io.recordings.marks import remarked
     from skinmap.io.recordings.touch_files import save_recordings
 

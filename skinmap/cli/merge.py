@@ -13,6 +13,7 @@ import click
 from skinmap.commands.options import PATH, named_robot, out_file, prints
 from skinmap.commands.overwriting import protect
 from skinmap.errors import OutputError, SkinMismatchError
+from skinmap.io.output import staged_file
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
@@ -83,7 +84,6 @@ def work(paths: Sequence[Path], output: Path) -> MergeResult:
         Recordings of different robots, skins or rates.
     """
     from skinmap.cli.collection import files_of, session_names
-    from skinmap.io.output import staged_file
     from skinmap.io.recordings.touch_files import check_suffix, read_recordings, save_recordings
     from skinmap.touch.contacts.grouping import without_stuck
     from skinmap.touch.prepared_skin import PreparedSkin

@@ -10,10 +10,22 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.commands.options import PATH, out_file, prints
+from skinmap.commands.options import PATH, choice, out_file, prints, words
 from skinmap.commands.overwriting import FORCE
-from skinmap.io.robots.new_manifest import KNOWN_UNITS, NEAR, Candidate
-from skinmap.io.text import UNITS
+from skinmap.errors import SkinError, check_known, warn
+from skinmap.io.robots.new_manifest import (
+    KNOWN_UNITS,
+    NEAR,
+    Candidate,
+    candidates,
+    in_question,
+    mesh_units,
+    part_names,
+    robot_name,
+    unclear,
+    write_manifest,
+)
+from skinmap.io.text import UNITS, read_toml
 from skinmap.report.present import emit, present, show
 from skinmap.report.table import Table
 
@@ -83,26 +95,24 @@ class SeveralTables(click.Command):
 
 @click.command("new", cls=SeveralTables)
 @click.argument("model", metavar="ROBOT.urdf|MESH", type=PATH)
-@click.option(
+@words(
     TABLES,
     "tables",
-    metavar="FILE [FILE...]",
+    "FILE [FILE...]",
+    "Taxel tables, one for each part.",
     type=PATH,
-    multiple=True,
     required=True,
-    help="Taxel tables, one for each part.",
 )
-@click.option(
+@choice(
     "--units",
-    type=click.Choice(tuple(UNITS)),
-    help="Unit of lengths in the tables.  [default: the one in which the skin lies on a link]",
+    UNITS,
+    "Unit of lengths in the tables.  [default: the one in which the skin lies on a link]",
 )
-@click.option(
+@words(
     "--link",
     "links",
-    metavar="NAME",
-    multiple=True,
-    help="Link that carries the skin; of several tables one for all, or one for each in their "
+    "NAME",
+    "Link that carries the skin; of several tables one for all, or one for each in their "
     "order.  [default: the one that the skin lies on]",
 )
 @out_file("Manifest to write (.toml).", required=True)
@@ -136,17 +146,7 @@ def work(
     force: bool,
 ) -> NewResult | NewQuestions:
     """Read the files, find units and links, ask where a terminal is there, and write."""
-    import warnings
-
-    from skinmap.errors import SkinWarning, check_known
     from skinmap.io.robots.mesh_file import MESH_SUFFIXES
-    from skinmap.io.robots.new_manifest import (
-        NewPart,
-        mesh_units,
-        part_names,
-        robot_name,
-        write_manifest,
-    )
     from skinmap.io.robots.urdf import MeshBody, UrdfBody
     from skinmap.io.taxels.taxel_table import read_taxels
     from skinmap.skin.robot import Robot
@@ -179,16 +179,12 @@ def work(
         return NewQuestions(unclear=open_, candidates=asked)
     for one in chosen:
         _warn(one, read[one.part], robot, units)
-    parts = [
-        NewPart(one.part, file, one.units, one.link)
-        for one, file in zip(chosen, tables, strict=True)
-    ]
     before = _parts_in(output)
-    files = write_manifest(output, body, scale, parts, force=force)
-    if not {one.name for one in parts}.issuperset(before):
+    files = write_manifest(output, body, scale, dict(zip(tables, chosen, strict=True)), force=force)
+    if not {one.part for one in chosen}.issuperset(before):
         count = f"{len(before)} part{'s'[: len(before) > 1]}"
         text = f"replaced {output} ({count} before: {', '.join(before)})"
-        warnings.warn(text, SkinWarning, stacklevel=2)
+        warn(text)
     return NewResult(
         robot=robot.name,
         parts=chosen,
@@ -217,8 +213,6 @@ def _settle(
     part: str, table: TaxelTable, robot: Robot, units: str | None, link: str | None
 ) -> tuple[list[Candidate], list[str]]:
     """Candidates for a table, the choice first, and the open questions."""
-    from skinmap.io.robots.new_manifest import candidates, in_question, unclear
-
     if link is None and table.link in robot.body.links:
         link = table.link
     known: dict[str, str | None] = {"units": units, "link": link}
@@ -263,37 +257,25 @@ def in_terminal() -> bool:
 
 def _warn(chosen: Candidate, table: TaxelTable, robot: Robot, stated: str | None) -> None:
     """Warn of a stated unit that another one fits better than, and of a skin far off its link."""
-    import warnings
-
-    from skinmap.errors import SkinWarning
-    from skinmap.io.robots.new_manifest import candidates, unclear
-
     others = candidates(chosen.part, table, robot, KNOWN_UNITS, (chosen.link,))
     better = others[0]
     if stated is not None and better.units != stated and not unclear(others):
-        warnings.warn(
+        warn(
             f"{chosen.part}: in {stated}, as --units states, {_standing(chosen)}; "
-            f"in {better.units} {_standing(better)}",
-            SkinWarning,
-            stacklevel=2,
+            f"in {better.units} {_standing(better)}"
         )
     elif chosen.most_mm is not None and chosen.off > NEAR:
-        warnings.warn(
+        warn(
             f"{chosen.part}: taxels are {chosen.pitch_mm:.3g} mm apart, and one in five is over "
-            f"{chosen.most_mm:.3g} mm off the mesh of {chosen.link}: check units, link and frame",
-            SkinWarning,
-            stacklevel=2,
+            f"{chosen.most_mm:.3g} mm off the mesh of {chosen.link}: check units, link and frame"
         )
 
 
 def _parts_in(output: Path) -> list[str]:
     """Names of the parts of a manifest that is there."""
-    import tomllib
-
     try:
-        held = tomllib.loads(output.read_text(encoding="utf-8"))["part"]
-        return [str(one["name"]) for one in held]
-    except (OSError, ValueError, LookupError, TypeError):
+        return [str(one["name"]) for one in read_toml(output)["part"]]
+    except (SkinError, LookupError, TypeError):
         return []  # none, or no manifest
 
 

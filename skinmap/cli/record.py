@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-import warnings
 from collections import Counter
 from collections.abc import Iterator
 from contextlib import closing, suppress
@@ -25,16 +24,17 @@ from skinmap.commands.options import (
     seconds_option,
     seed_option,
     speed_option,
+    word,
 )
 from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import is_quiet
-from skinmap.errors import OutputError, SkinWarning, UnknownNameError
+from skinmap.errors import OutputError, UnknownNameError, warn
 from skinmap.report.present import present, singular
+from skinmap.touch.touch_labels import RESERVED, check_label
 
 if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.recording.recorder import Recorder
-    from skinmap.live.recording.recording_tap import RecordingTap
+    from skinmap.live.recording.recorder import Recorder, RecordingTap
 
 LIVE_PATIENCE, FILE_PATIENCE = 1.0, 60.0  # seconds to wait for a slow disk before dropping
 LOOKED_AT = 200  # samples from which a recording is examined
@@ -76,20 +76,10 @@ class RecordResult:
 @robot_option
 @part_option
 @seconds_option("Stop after this time [s].")
-@click.option("--label", metavar="LABEL", help="Mark every touch with this name, to train on.")
+@word("--label", "LABEL", "Mark every touch with this name, to train on.")
 @click.option("--model", type=PATH, help="Mark every touch with a model's label.")
-@click.option(
-    "--session",
-    metavar="WORDS",
-    default="",
-    help="Name of the session, for --leave-out of `evaluate`.",
-)
-@click.option(
-    "--person",
-    metavar="WORDS",
-    default="",
-    help="Name of the person who touches, for --leave-out of `evaluate`.",
-)
+@word("--session", "WORDS", "Name of the session, for --leave-out of `evaluate`.")
+@word("--person", "WORDS", "Name of the person who touches, for --leave-out of `evaluate`.")
 @calibration_option
 @speed_option("recorded or simulated")
 @seed_option
@@ -102,8 +92,8 @@ def command(
     seconds: float | None,
     label: str | None,
     model: Path | None,
-    session: str,
-    person: str,
+    session: str | None,
+    person: str | None,
     calibrations: tuple[str, ...],
     speed: float,
     seed: int,
@@ -123,14 +113,12 @@ def command(
     """
     from skinmap.interrupts import interrupted_once
     from skinmap.live.loop import TouchLoop
-    from skinmap.live.recording.recorder import Recorder, continued
-    from skinmap.live.recording.recording_tap import RecordingTap
+    from skinmap.live.recording.recorder import Recorder, RecordingTap, continued
     from skinmap.live.response.loads import load_calibrations
     from skinmap.live.sources.source import Seekable, blocks
     from skinmap.recognition.classifier import GivenName
     from skinmap.recognition.model_file import load_classifier
     from skinmap.touch.prepared_skin import PreparedSkin
-    from skinmap.touch.touch_labels import check_label
 
     if label is not None and model is not None:
         raise click.UsageError("--label and --model both name the touches; give one")
@@ -142,7 +130,7 @@ def command(
     classifier = None if model is None else load_classifier(model)
     if label is not None:
         classifier = GivenName(check_label(label))
-    session, person = (check_label(word) if word else "" for word in (session, person))
+    session, person = (check_label(one) if one else "" for one in (session, person))
     loaded, origin = open_stream(source, robot, parts, seed=seed, speed=speed)
     named = classifier is not None
     skins = {part: PreparedSkin(loaded.skin(part)) for part in origin.info.parts if calibrations}
@@ -221,7 +209,7 @@ def _warn(recorded: RecordingTap, output: Path, *, looked_at: bool) -> None:
     worst = next((one for one in found if one.kind in FALSIFYING), None)
     if worst is not None:
         more = f"`skinmap examine {output}` lists all findings"
-        warnings.warn(f"{worst.text} {more}", SkinWarning, stacklevel=1)
+        warn(f"{worst.text} {more}", above=-1)
 
 
 def _check_output(output: Path, source: str) -> None:
@@ -307,7 +295,6 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
     """Mark the touches that are over; one without a name, or cut off, is nothing to train on."""
     from skinmap.recognition.answers import answers_object
-    from skinmap.touch.touch_labels import RESERVED
 
     shown.withdrawn += len(loop.withdrawn())
     for event in loop.finished():

@@ -14,6 +14,7 @@ from skinmap.commands.options import (
     PATH,
     open_robot,
     part_option,
+    played_robot_option,
     prints,
     publish_option,
     seconds_option,
@@ -41,11 +42,7 @@ class ReplayResult:
 
 @click.command("replay")
 @click.argument("recording", type=PATH)
-@click.option(
-    "--robot",
-    metavar="ROBOT",
-    help="Robot whose skin it must be; it also names a dumper's folders.",
-)
+@played_robot_option
 @part_option
 @publish_option("the samples")
 @speed_option("recorded")
@@ -68,7 +65,7 @@ def command(
     Example:  skinmap replay touch.mcap --publish lsl:demo --loop
     """
     from skinmap.live.publishing.publish import open_publisher, stream
-    from skinmap.live.sources.open_recording import open_recording
+    from skinmap.live.sources.open_source import open_recording
 
     loaded = open_robot(robot, ())[0] if robot else None
     source = open_recording(recording, robot=loaded, parts=parts or None, speed=speed, loop=loop)

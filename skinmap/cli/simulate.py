@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +13,6 @@ import click
 from click.core import ParameterSource
 
 from skinmap.commands.options import (
-    MAX_TOUCHES,
     Number,
     Whole,
     open_robot,
@@ -26,10 +24,13 @@ from skinmap.commands.options import (
     robot_argument,
     seconds_option,
     seed_option,
+    word,
+    words,
 )
 from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import progress
-from skinmap.errors import SkinWarning
+from skinmap.errors import UnknownNameError, check_known, warn
+from skinmap.io.output import staged_file
 from skinmap.report.present import present
 
 PHYSICS = ("ours", "mujoco")
@@ -141,8 +142,6 @@ class StreamResult:
 
 def _faults(ctx: click.Context, param: click.Parameter, given: tuple[str, ...]) -> dict[str, Any]:
     """Values of `--fault NAME=VALUE` by name."""
-    from skinmap.errors import check_known
-
     found = {}
     for one in given:
         name, _, value = one.partition("=")
@@ -153,7 +152,6 @@ def _faults(ctx: click.Context, param: click.Parameter, given: tuple[str, ...]) 
 
 def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[str, str]:
     """The physics of the touches, and its variant in MuJoCo."""
-    from skinmap.errors import UnknownNameError
     from skinmap.physics.variants import DEFAULT, VARIANTS
 
     physics, _, variant = given.partition(":")
@@ -168,46 +166,35 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
 @robot_argument
 @part_option
 @per_gesture_option("Touches of each gesture on each part.")
-@click.option(
+@words(
     "--gesture",
     "gestures",
-    metavar="GESTURE",
-    multiple=True,
-    help="Gestures, with commas between; or four, eight, all, hand, other, time (strokes, pats, "
+    "GESTURE",
+    "Gestures, with commas between; or four, eight, all, hand, other, time (strokes, pats, "
     "taps and more, with their true motion). May be repeated. With pairs, two of them at once.  "
     "[default: four]",
 )
-@click.option(
-    "--subjects",
-    type=Whole(1, MAX_TOUCHES),
-    default=10,
-    show_default=True,
-    help="Number of simulated people, each with a hand size and habits.",
-)
-@click.option(
+@word(
     "--physics",
-    metavar="ours|mujoco[:VARIANT]",
-    default="ours",
-    show_default=True,
-    callback=_physics,
-    help="Physics of the touches: ours, or MuJoCo on a bed of springs (extra 'mujoco') of "
+    "ours|mujoco[:VARIANT]",
+    "Physics of the touches: ours, or MuJoCo on a bed of springs (extra 'mujoco') of "
     "foam, flesh, finger, ...",
+    shown="ours",
+    callback=_physics,
 )
-@click.option(
+@word(
     "--variety",
-    metavar="none|some|wide|wider|X",
-    default="wide",
-    show_default=True,
-    help="Random spread of touches and sensors: none (pads of fixed sizes on clean "
+    "none|some|wide|wider|X",
+    "Random spread of touches and sensors: none (pads of fixed sizes on clean "
     "sensors), some, wide, wider, or a number from 0 to 2.",
+    shown="wide",
 )
-@click.option(
+@words(
     "--fault",
     "faults",
-    metavar="NAME=VALUE",
-    multiple=True,
+    "NAME=VALUE",
+    f"Fault of the sensors, instead of a random one; may be repeated. {', '.join(SENSING)}.",
     callback=_faults,
-    help=f"Fault of the sensors, instead of a random one; may be repeated. {', '.join(SENSING)}.",
 )
 @out_file("Recording to write: .npz or .mcap.", default="touches.npz", guarded=False)
 @publish_option("endless touches instead of recording them")
@@ -222,7 +209,6 @@ def command(
     publish: str | None,
     seconds: float | None,
     as_json: bool,
-    subjects: int,
     variety: str,
     faults: dict[str, Any],
     **where: Any,
@@ -234,7 +220,7 @@ def command(
 
     \b
     Example:  skinmap simulate icub --part torso --per-gesture 30 -o torso.npz
-              skinmap simulate icub --gesture eight --subjects 20 --fault dead=0.02 -o touches.npz
+              skinmap simulate icub --gesture eight --fault dead=0.02 -o touches.npz
               skinmap simulate icub --variety none -o clean.npz
               skinmap simulate icub --part torso --gesture pairs --per-gesture 50 -o pairs.npz
               skinmap simulate icub --physics mujoco:flesh -o flesh.npz
@@ -254,7 +240,7 @@ def command(
         given["foam"] = given.pop("foam_mm") / 1e3
     where["sensing"] = given
     if publish is not None:
-        _refuse_given("per_gesture", "output", "subjects", "physics")
+        _refuse_given("per_gesture", "output", "physics")
         streamed = publish_touches(publish, seconds=seconds, raw=raw, **where)
         present(streamed, _stream_lines, as_json=as_json)
         return
@@ -267,7 +253,7 @@ def command(
             raise click.UsageError(f"{why} --fault foam-mm")
     protect(output)
     result = work(
-        output, per_gesture=per_gesture, paired=paired, subjects=subjects,
+        output, per_gesture=per_gesture, paired=paired,
         variant=physics[1] if mujoco else None, **where,
     )  # fmt: skip
     asked = 0 if paired else per_gesture
@@ -282,7 +268,6 @@ def work(
     per_gesture: int,
     gestures: tuple[str, ...],
     paired: bool,
-    subjects: int,
     variety: float,
     sensing: Mapping[str, Any],
     variant: str | None,
@@ -291,7 +276,6 @@ def work(
     """Simulate touches on all parts and write them; a `variant` is of MuJoCo's physics."""
     import numpy as np
 
-    from skinmap.io.output import staged_file
     from skinmap.io.recordings.touch_files import check_suffix, save_recordings
     from skinmap.physics.simulation import simulate as press
     from skinmap.touch.simulation.hands import gesture_set
@@ -301,7 +285,7 @@ def work(
     check_suffix(output)
     loaded, names = open_robot(robot, parts)
     wanted = gesture_set(gestures)
-    shared: dict[str, Any] = {"gestures": wanted, "subjects": subjects}
+    shared: dict[str, Any] = {"gestures": wanted}
     steps = len(names) * per_gesture * (1 if paired else len(wanted))
     recordings = []
     with staged_file(output) as stage, progress(steps, "simulating") as advance:
@@ -319,11 +303,7 @@ def work(
             recordings.append(made)
         save_recordings(recordings, stage, robot=loaded)
     if variant is not None and output.suffix.lower() != ".npz":
-        warnings.warn(
-            f"only .npz keeps the true force and place of each sample, {output.name} does not",
-            SkinWarning,
-            stacklevel=2,
-        )
+        warn(f"only .npz keeps the true force and place of each sample, {output.name} does not")
     rows = [
         SimulatedPart(
             part=recording.part,

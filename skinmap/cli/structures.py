@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,15 +10,17 @@ from typing import TYPE_CHECKING, Any, Literal
 import click
 
 from skinmap.commands.options import (
+    choice,
     open_robot,
     out_option,
     part_option,
     prints,
+    profile_option,
     read_radius,
     robot_argument,
+    word,
 )
-from skinmap.commands.profiles import profile_option
-from skinmap.errors import SkinWarning
+from skinmap.errors import warn
 from skinmap.report.present import present
 from skinmap.report.table import Table
 
@@ -107,19 +108,17 @@ class StructuresResult:
 @click.command("structures")
 @robot_argument
 @part_option
-@click.option(
+@word(
     "--radius-mm",
-    metavar="MM|auto",
-    default="auto",
-    show_default=True,
-    help="Radius of a neighbourhood, or auto: between two rings of the lattice.",
+    "MM|auto",
+    "Radius of a neighbourhood, or auto: between two rings of the lattice.",
+    shown="auto",
 )
-@click.option(
+@choice(
     "--rotations",
-    type=click.Choice(["1", "4", "6"]),
-    default=str(ROTATIONS),
-    show_default=True,
-    help="Order of the rotations that match structures: 6 (by pi/3) or 4 (square grids).",
+    ("1", "4", "6"),
+    "Order of the rotations that match structures: 6 (by pi/3) or 4 (square grids).",
+    shown=str(ROTATIONS),
 )
 @out_option
 @profile_option("classify", beside=("tolerance_mm", "distance"))
@@ -173,7 +172,7 @@ def work(
     lonely = int((~joined.filled.any(axis=1)).sum())
     if 2 * lonely > len(joined):
         message = f"{lonely} of {len(joined)} taxels have no neighbour within {1e3 * radius:.3g} mm"
-        warnings.warn(f"{message}: ask for more by --radius-mm", SkinWarning, stacklevel=2)
+        warn(f"{message}: ask for more by --radius-mm")
     tolerance = 1e-3 * tolerance_mm if tolerance_mm else usual_tolerance(joined)
     found = find_structures(joined, tolerance=tolerance, rotations=turns)
     counts, filled = found.counts, found.prototypes.filled.sum(axis=1)

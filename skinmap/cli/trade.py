@@ -11,8 +11,17 @@ from typing import Any
 import click
 
 from skinmap import __version__
-from skinmap.commands.options import Whole, number, open_robot, out_folder, part_option, prints
+from skinmap.commands.options import (
+    number,
+    open_robot,
+    out_folder,
+    part_option,
+    prints,
+    whole,
+    words,
+)
 from skinmap.commands.progress import progress
+from skinmap.errors import SkinError, check_known
 from skinmap.profile import FORMAT, PROFILE, Value
 from skinmap.report.present import present
 from skinmap.report.result import significant
@@ -40,23 +49,9 @@ ALL = "all"
 @click.command("trade")
 @click.argument("robot", default="icub", metavar="[ROBOT]")
 @part_option
-@click.option(
-    "--task",
-    "names",
-    metavar="TASK",
-    multiple=True,
-    default=(ALL,),
-    show_default=True,
-    help="Task to measure: flatten, classify, or all.",
-)
+@words("--task", "names", "TASK", "Task to measure: flatten, classify, or all.", shown=(ALL,))
 @number("--max-ms", 0.0, 1e8, "Limit of the time, instead of one sample of a stream.")
-@click.option(
-    "--seeds",
-    type=Whole(1, 1000),
-    default=3,
-    show_default=True,
-    help="Number of repetitions, each with its own touches.",
-)
+@whole("--seeds", 1, 1000, "Number of repetitions, each with its own touches.", shown=3)
 @out_folder("a plot a task, profile.toml and report.html")
 @prints(TradeResult)
 def command(out: Path | None, as_json: bool, **asked: Any) -> None:
@@ -98,8 +93,6 @@ def work(
     SkinError
         Nothing could be measured, or no setting keeps a limit.
     """
-    from skinmap.errors import SkinError
-
     chosen = _tasks(names)
     limit = None if max_ms is None else max_ms / 1e3
     loaded, wanted = open_robot(robot, parts)
@@ -154,8 +147,6 @@ def every_task() -> dict[str, TradeTask]:
 
 def _tasks(names: tuple[str, ...]) -> dict[str, TradeTask]:
     """The tasks asked for by name."""
-    from skinmap.errors import check_known
-
     known = every_task()
     check_known("trade task", (name for name in names if name != ALL), known)
     return known if ALL in names else {name: known[name] for name in dict.fromkeys(names)}

@@ -13,16 +13,20 @@ import click
 
 from skinmap.commands.options import (
     PATH,
-    Whole,
+    choice,
     out_file,
     part_option,
     prints,
+    profile_option,
     read_radius,
     robot_option,
     seed_option,
+    whole,
+    word,
 )
-from skinmap.commands.profiles import profile_option
 from skinmap.commands.progress import progress
+from skinmap.errors import InvalidArrayError, UnknownNameError, check_known
+from skinmap.io.output import staged_file
 from skinmap.report.present import present
 from skinmap.summary import first_few
 
@@ -166,34 +170,34 @@ class TrainResult:
 @click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=PATH)
 @robot_option
 @part_option
-@click.option(
+@word(
     "--classifier",
-    metavar="CLASSIFIER",
-    default="contact-geometry",
-    show_default=True,
-    help="Classifier by name; an unknown name lists them.",
+    "CLASSIFIER",
+    "Classifier by name; an unknown name lists them.",
+    shown="contact-geometry",
 )
-@click.option(
+@choice(
     "--network",
-    type=click.Choice(["small", "paper"]),
-    help="cnn: a small network (default), or that of the paper, 50 kernels a layer on 66 x 100.",
+    ("small", "paper"),
+    "cnn: a small network (default), or that of the paper, 50 kernels a layer on 66 x 100.",
 )
 @out_file("Model to write.", default="touch.skinmodel")
-@click.option(
+@whole(
     "--with-simulated",
-    type=Whole(1, 1000),
+    1,
+    1000,
+    "Add N simulated touches of each recorded label that the simulator has, on each skin.",
     metavar="N",
-    help="Add N simulated touches of each recorded label that the simulator has, on each skin.",
 )
-@click.option(
+@word(
     "--groups",
-    metavar="hand=LABEL,...;other=LABEL,...",
-    help="Learn from these labels whether a touch is a hand: each label in one group.",
+    "hand=LABEL,...;other=LABEL,...",
+    "Learn from these labels whether a touch is a hand: each label in one group.",
 )
-@click.option(
+@word(
     "--motion",
-    metavar="LABEL,...",
-    help="Labels that name how a touch moves, beside stroke, pat, tap, rub, slide, twist, squeeze "
+    "LABEL,...",
+    "Labels that name how a touch moves, beside stroke, pat, tap, rub, slide, twist, squeeze "
     "and hold; all others name with what.",
 )
 @seed_option
@@ -233,8 +237,6 @@ def work(
     import numpy as np
 
     from skinmap.cli.collection import collect
-    from skinmap.errors import UnknownNameError
-    from skinmap.io.output import staged_file
     from skinmap.neighbours.offsets import auto_radius
     from skinmap.neighbours.structures import RADIUS, usual_radius
     from skinmap.recognition.answering import (
@@ -314,7 +316,6 @@ def _split(found: Collection, parts: Sequence[str], rng: Generator) -> Split:
     InvalidArrayError
         Fewer than two labels.
     """
-    from skinmap.errors import InvalidArrayError, check_known
     from skinmap.recognition.evaluate import split_parts
     from skinmap.recognition.protocols.recordings import check_spelling
 

@@ -1,21 +1,35 @@
-"""Options that mean and look the same in all commands, and the robot that they name."""
+"""Options that mean and look the same in all commands, and the robot that they name.
+
+Options of the commands that spread their work: who computes, and how a run is resumed.
+
+`--profile`: the option that sets defaults of others, and what was taken from it.
+"""
 
 from __future__ import annotations
 
+import functools
 import math
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
+from click.core import ParameterSource
+from msgspec import UNSET, UnsetType
 
 from skinmap.commands.overwriting import force_option, guard
-from skinmap.commands.profiles import profile_option as profile_option
+from skinmap.errors import MissingFileError, SkinMismatchError, UnknownNameError, unknown_name
+from skinmap.io.output import check_folder
 from skinmap.io.text import UNITS
+from skinmap.profile import read_profile
 
 if TYPE_CHECKING:
     from skinmap.live.sources.source import Source
+    from skinmap.parallel.workers import Workers
+    from skinmap.profile import Profile
     from skinmap.skin.robot import Robot
 
 
@@ -80,8 +94,6 @@ class Written(click.Path):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path of a text."""
-        from skinmap.errors import unknown_name
-
         suffix = Path(value).suffix.lower()
         if suffix not in self.suffixes:
             self.fail(unknown_name("format for files ending in", suffix, self.suffixes), param, ctx)
@@ -102,43 +114,61 @@ OUTSIDE = "SKINMAP_ALLOW_OUTSIDE"  # environment variable
 RESULTS = "__results__"
 
 
-robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
-# For commands that may be given a recording, which knows its own.
-shown_argument = click.argument("robot", required=False, metavar="[ROBOT|RECORDING|FOLDER]")
-# For commands whose argument is a recording.
-robot_option = click.option(
-    "--robot",
-    metavar="ROBOT",
-    help="Robot that was recorded.  [default: the recording's, else icub]",
-)
-part_option = click.option(
-    "--part",
-    "parts",
-    multiple=True,
-    metavar="PART",
-    help="Only this part of the robot; may be repeated.",
-)
+def word(
+    name: str, metavar: str, text: str, *, shown: str | None = None, **more: Any
+) -> Callable[[F], F]:
+    """An option that takes a word; help shows `shown`, its default."""
+    return click.option(name, metavar=metavar, help=text, **_default(shown), **more)
 
 
-def units_option(of: str) -> Callable[[F], F]:
-    """`--units`, with the files that it holds for."""
-    return click.option(
-        "--units",
-        type=click.Choice(tuple(UNITS)),
-        default="m",
-        show_default=True,
-        help=f"Unit of lengths in {of}.",
-    )
+def words(
+    name: str, into: str, metavar: str, text: str, *, shown: Any = None, **more: Any
+) -> Callable[[F], F]:
+    """An option that takes a word and may be repeated, and the parameter that they come in."""
+    more |= {"metavar": metavar, "multiple": True, "help": text}
+    return click.option(name, into, **_default(shown), **more)
 
 
-def word(name: str, metavar: str, text: str, **more: Any) -> Callable[[F], F]:
-    """An option that takes a word."""
-    return click.option(name, metavar=metavar, help=text, **more)
+def choice(
+    name: str, known: Iterable[str], text: str, *, shown: str | None = None, **more: Any
+) -> Callable[[F], F]:
+    """An option that takes one of some words."""
+    return click.option(name, type=click.Choice(tuple(known)), help=text, **_default(shown), **more)
+
+
+def whole(
+    name: str, low: int, high: int, text: str, *, shown: int | None = None, **more: Any
+) -> Callable[[F], F]:
+    """An option that takes a whole number between limits, or one of them."""
+    return click.option(name, type=Whole(low, high), help=text, **_default(shown), **more)
 
 
 def number(name: str, low: float, high: float, text: str, **more: Any) -> Callable[[F], F]:
     """An option that takes a number above one limit, up to another."""
     return click.option(name, type=Number(low, high, min_open=True), help=text, **more)
+
+
+def _default(shown: Any) -> dict[str, Any]:
+    """Of an option; a default of None would count as given and end `required`."""
+    return {} if shown is None else {"default": shown, "show_default": True}
+
+
+robot_argument = click.argument("robot", default="icub", metavar="[ROBOT]")
+# For commands that may be given a recording, which knows its own.
+shown_argument = click.argument("robot", required=False, metavar="[ROBOT|RECORDING|FOLDER]")
+# For commands whose argument is a recording.
+robot_option = word(
+    "--robot", "ROBOT", "Robot that was recorded.  [default: the recording's, else icub]"
+)
+played_robot_option = word(
+    "--robot", "ROBOT", "Robot whose skin it must be; it also names a dumper's folders."
+)
+part_option = words("--part", "parts", "PART", "Only this part of the robot; may be repeated.")
+
+
+def units_option(of: str) -> Callable[[F], F]:
+    """`--units`, with the files that it holds for."""
+    return choice("--units", UNITS, f"Unit of lengths in {of}.", shown="m")
 
 
 json_option = click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
@@ -189,21 +219,17 @@ def results_of(command: click.Command) -> dict[str, Kinds]:
 
 
 MAX_SEED = 4_000_000_000  # scikit-learn's seeds have 32 bits, and repetitions count on from it
-seed_option = click.option(
-    "--seed", type=Whole(0, MAX_SEED), default=0, show_default=True, help="Seed of all randomness."
-)
+seed_option = whole("--seed", 0, MAX_SEED, "Seed of all randomness.", shown=0)
 
 
 def per_gesture_option(help: str) -> Callable[[F], F]:
     """`--per-gesture`: how many touches of each kind are simulated."""
-    return click.option(
-        "--per-gesture", type=Whole(1, MAX_TOUCHES), default=20, show_default=True, help=help
-    )
+    return whole("--per-gesture", 1, MAX_TOUCHES, help, shown=20)
 
 
 def seconds_option(help: str) -> Callable[[F], F]:
     """`--seconds`: how long a command goes on with what would not end, or not so soon."""
-    return click.option("--seconds", type=Number(0.0, MAX_SECONDS, min_open=True), help=help)
+    return number("--seconds", 0.0, MAX_SECONDS, help)
 
 
 def speed_option(of: str, *, endless: bool = True) -> Callable[[F], F]:
@@ -211,39 +237,31 @@ def speed_option(of: str, *, endless: bool = True) -> Callable[[F], F]:
     return click.option(
         "--speed",
         type=Number(0.0, MAX_SPEED, min_open=True, endless=endless),
-        default=1.0,
-        show_default=True,
         help=f"Speed as a multiple of the {of} one{'; inf for no waiting' if endless else ''}.",
+        **_default(1.0),
     )
 
 
 def publish_option(what: str, *, multiple: bool = False) -> Callable[[F], F]:
     """`--publish`: what other programs can follow, and how."""
     more = "; may be repeated" if multiple else ""
-    return click.option(
-        "--publish",
-        metavar="SPEC",
-        multiple=multiple,
-        help=f"Publish {what}: {PUBLISH_WAYS}{more}.",
-    )
+    text = f"Publish {what}: {PUBLISH_WAYS}{more}."
+    return word("--publish", "SPEC", text, multiple=multiple)
 
 
-response_option = click.option(
+response_option = words(
     "--response",
     "responses",
-    multiple=True,
-    metavar="[PART=]FILE",
-    help="Response calibration of a part that sends raw values; may be repeated.",
+    "[PART=]FILE",
+    "Response calibration of a part that sends raw values; may be repeated.",
 )
 
 
-calibration_option = click.option(
+calibration_option = words(
     "--calibration",
     "calibrations",
-    multiple=True,
-    metavar="[PART=]FILE",
-    help="Load calibration of a part, from `calibrate load -o`: forces in newtons; may be "
-    "repeated.",
+    "[PART=]FILE",
+    "Load calibration of a part, from `calibrate load -o`: forces in newtons; may be repeated.",
 )
 
 
@@ -267,8 +285,6 @@ def read_radius(text: str) -> float | None:
 def try_folder(ctx: click.Context, param: click.Parameter, out: Path | None) -> Path | None:
     """Refuse a folder that cannot be written to, or holds a user's files, before any work."""
     if out is not None:
-        from skinmap.io.output import check_folder
-
         guard(ctx, param, out)
         check_folder(out)
     return out
@@ -305,7 +321,8 @@ def out_file(
         metavar="FILE|FOLDER" if folder else "FILE",
         callback=guard if guarded else None,
         help=what,
-        **_default(default, required),
+        required=required,
+        **_default(default),
     )
     return lambda command: option(force_option(command))
 
@@ -314,11 +331,6 @@ def file_option(name: str, kind: Written, help: str) -> Callable[[F], F]:
     """An option with a file that is written, by its name (`--screenshot`), and `--force`."""
     option = click.option(name, type=kind, callback=guard, help=help)
     return lambda command: option(force_option(command))
-
-
-def _default(default: str | None, required: bool) -> dict[str, Any]:
-    """Of an option; a default of None would count as given and end `required`."""
-    return {"required": required} if default is None else {"default": default, "show_default": True}
 
 
 def out_folder(of: str, *, required: bool = False, default: str | None = None) -> Callable[[F], F]:
@@ -330,7 +342,8 @@ def out_folder(of: str, *, required: bool = False, default: str | None = None) -
         metavar="FOLDER",
         callback=try_folder,
         help=f"Folder for {of}.",
-        **_default(default, required),
+        required=required,
+        **_default(default),
     )
     return lambda command: option(force_option(command))
 
@@ -366,8 +379,6 @@ def open_robot(robot: str | None, parts: tuple[str, ...]) -> tuple[Robot, tuple[
     >>> open_robot("kaspar", ("torso", "torso"))[1]
     ('torso',)
     """
-    from skinmap.errors import UnknownNameError
-
     ctx = click.get_current_context(silent=True)
     said = _recorded_robot(ctx) if robot is None else robot
     loaded = named_robot(said or "icub")
@@ -391,7 +402,6 @@ def open_stream(
     UnknownNameError, MissingFileError, UnreachableError
         As for `open_robot` and `skinmap.open_source`.
     """
-    from skinmap.errors import SkinMismatchError
     from skinmap.io.robots.manifest import builtin_named
     from skinmap.live.sources.open_source import open_source
 
@@ -421,8 +431,6 @@ def named_robot(name: str) -> Robot:
 
 def _recorded_robot(ctx: click.Context | None) -> str:
     """The robot of the recording that a command was given; empty where nothing names one."""
-    from skinmap.errors import MissingFileError
-
     if ctx is None:
         return ""
     given = [ctx.params.get("recording"), ctx.params.get("source"), ctx.params.get("protocol")]
@@ -440,3 +448,213 @@ def _recorded_robot(ctx: click.Context | None) -> str:
             if said:  # a model may have the suffix of a text
                 return said
     return ""
+
+
+MAX_JOBS = 256  # processes
+
+
+class Jobs(click.ParamType["int | str"]):
+    """A number of processes, or the address of a Dask scheduler."""
+
+    name = "jobs"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> int | str:
+        """The number, or the address as it is."""
+        if "://" in str(value):
+            return str(value)
+        return click.IntRange(1, MAX_JOBS).convert(value, param, ctx)
+
+
+_jobs_option = word(
+    "--jobs",
+    "N|URL",
+    f"Processes (1 to {MAX_JOBS}), or a Dask scheduler: tcp://HOST:PORT.",
+    shown="1",
+    type=Jobs(),
+)
+_resume_option = word(
+    "--resume",
+    "FOLDER",
+    "Of finished results: run the same again after an interruption to go on.",
+    type=PATH,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class WorkerOptions:
+    """Processes or a scheduler's address, and a folder for results, as on the command line."""
+
+    jobs: int | str = 1
+    resume: Path | None = None
+
+    @contextmanager
+    def open(self, sweep: str) -> Iterator[Workers]:
+        """The workers, reached before minutes are spent on what comes first.
+
+        Parameters
+        ----------
+        sweep : str
+            What is computed: results of another one are refused.
+        """
+        from skinmap.parallel.workers import Workers, open_workers
+
+        with open_workers(Workers(self.jobs), resume=self.resume, sweep=sweep) as opened:
+            yield opened
+            if opened.kept is not None and opened.kept.recalled:
+                click.echo(f"{opened.kept.recalled} results were on file", err=True)
+
+
+ALONE = WorkerOptions()
+
+
+def workers_options(*, resume: bool) -> Callable[[F], F]:
+    """`--jobs`, and `--resume` of long runs; the command gets them as one, `spread`."""
+
+    def add(command: F) -> F:
+        @functools.wraps(command)
+        def run(*args: Any, jobs: int | str, resume: Path | None = None, **options: Any) -> Any:
+            return command(*args, spread=WorkerOptions(jobs, resume), **options)
+
+        return cast("F", _jobs_option(_resume_option(run) if resume else run))
+
+    return add
+
+
+PROFILE, BESIDE = "skinmap.profile", "skinmap.profile.beside"  # what was taken from it
+
+
+def profile_option(*tables: str, beside: Sequence[str] = ()) -> Callable[[F], F]:
+    """`--profile`: a profile's knobs become the defaults of the command's options of that name.
+
+    Parameters
+    ----------
+    tables : str
+        Tables of the profile that the command takes; none where no knob concerns it.
+    beside : sequence of str
+        Knobs that only a profile sets: the command gets each as a keyword, None without one.
+    """
+
+    def add(command: F) -> F:
+        @functools.wraps(command)
+        def say_and_run(*args: Any, **options: Any) -> Any:
+            ctx = click.get_current_context()
+            _say_profile(ctx)
+            return command(*args, **dict.fromkeys(beside) | ctx.meta.get(BESIDE, {}) | options)
+
+        option = click.option(
+            "--profile",
+            type=click.Path(path_type=Path),
+            metavar="FILE",
+            is_eager=True,  # before the options whose defaults it sets
+            expose_value=False,
+            callback=functools.partial(_take_profile, tables, beside),
+            help="Settings from `skinmap trade`; options given here win.",
+        )
+        return cast("F", option(say_and_run))
+
+    return add
+
+
+def _take_profile(
+    tables: tuple[str, ...],
+    beside: Sequence[str],
+    ctx: click.Context,
+    _: click.Parameter,
+    path: Path | None,
+) -> None:
+    if path is None or ctx.resilient_parsing:
+        return
+    profile = read_profile(path)
+    options = {name: option for option in ctx.command.params for name in option.opts}
+    knobs: dict[str, str] = {}  # by the parameter that each sets
+    defaults = dict(ctx.default_map or {})
+    ctx.meta[BESIDE] = {}
+    for table in tables:
+        for knob, value in profile.settings.get(table, {}).items():
+            option = options.get(f"--{knob.replace('_', '-')}")
+            if option is not None and option.name is not None:
+                knobs[option.name] = knob
+                defaults[option.name] = (value,) if option.multiple else value
+            elif knob in beside:
+                ctx.meta[BESIDE][knob] = value
+    ctx.default_map = defaults
+    ctx.meta[PROFILE] = (profile, knobs)
+
+
+def from_profile(name: str) -> bool:
+    """Whether the value of a parameter came from the profile, not from the command line."""
+    ctx = click.get_current_context(silent=True)
+    return ctx is not None and ctx.get_parameter_source(name) is ParameterSource.DEFAULT_MAP
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ProfileUsed:
+    """Settings that a command took from a profile.
+
+    Attributes
+    ----------
+    file
+        File of the profile.
+    took
+        Knobs by name, without those that the command line gave itself.
+    """
+
+    file: Path
+    took: dict[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Profiled:
+    """What every object has besides where a profile was given.
+
+    Attributes
+    ----------
+    profile
+        With `--profile`: what was taken from it.
+    """
+
+    profile: ProfileUsed | UnsetType = UNSET
+
+
+def profile_used() -> ProfileUsed | None:
+    """What was taken from the profile that was given; None without one."""
+    found = _taken()
+    return None if found is None else ProfileUsed(file=found[0].path, took=found[1])
+
+
+def _taken() -> tuple[Profile, dict[str, Any]] | None:
+    """The profile that was given, and the knobs taken from it."""
+    ctx = click.get_current_context(silent=True)
+    if ctx is None or PROFILE not in ctx.meta:
+        return None
+    profile, knobs = ctx.meta[PROFILE]
+    took = {
+        knob: (ctx.default_map or {})[name] for name, knob in knobs.items() if from_profile(name)
+    }
+    took = {knob: v[0] if isinstance(v, tuple) else v for knob, v in took.items()}
+    return profile, took | ctx.meta[BESIDE]
+
+
+def _say_profile(ctx: click.Context) -> None:
+    taken = _taken()
+    if taken is None:
+        return
+    profile, took = taken
+    measured = " ".join(word for word in (profile.robot, profile.part) if word)
+    name = f"profile {profile.path}" + (f" ({measured})" if measured else "")
+    said = ", ".join(f"{knob} {value}" for knob, value in took.items())
+    won = [knob for knob in ctx.meta[PROFILE][1].values() if knob not in took]
+    over = f"; given here: {', '.join(won)}" if won else ""
+    nothing = "nothing in it" if won else "the profile has no setting for this command"
+    click.echo(f"{name}: {said or nothing}{over}", err=True)
+    robots = ctx.params.get("robots") or (ctx.params.get("robot"),)
+    measured_on = Path(profile.robot).resolve()
+    others = [one for one in robots if one and profile.robot and Path(one).resolve() != measured_on]
+    if others:
+        click.echo(
+            f"Warning: the profile was measured on {profile.robot}, this is {', '.join(others)}: "
+            "times and errors may differ from those predicted",
+            err=True,
+        )

@@ -20,6 +20,8 @@ from typing import Any, TypeVar
 
 import click
 
+from skinmap.errors import OutputError
+
 F = TypeVar("F", bound=Callable[..., Any])
 Made = dict[str, list[int]]  # file's name below the output ("" for the output): size, change [ns]
 FORCE = "skinmap.force"
@@ -74,8 +76,6 @@ def protect(
     OutputError
         In one line, with what replaces it.
     """
-    from skinmap.errors import OutputError
-
     ctx = ctx or click.get_current_context()
     maker = f"{_name(ctx)} {option}"
     before = dict(_files(output))

@@ -21,12 +21,10 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import SkinMismatchError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.contacts.contact_tracker import ContactTracker
-from skinmap.live.contacts.named_touch import ContactEvent, NamedTouch, TouchEvent, taken
+from skinmap.live.contacts.named_touch import ContactEvent, Moment, NamedTouch, TouchEvent, taken
 from skinmap.live.contacts.touch_history import Entry, TouchBook
-from skinmap.live.moment import Moment
 from skinmap.live.namer import Namer
-from skinmap.live.response.pressures import Response, Responses
-from skinmap.live.response.rest_gate import RestGate
+from skinmap.live.response.pressures import Response, Responses, RestGate
 from skinmap.live.response.sample_checks import SampleChecks
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.source import (
@@ -84,11 +82,6 @@ class Feed:
         self._speed = 1.0  # that the arrivals were at
 
     @property
-    def info(self) -> StreamInfo:
-        """What the source says of itself."""
-        return self.source.info
-
-    @property
     def rate(self) -> float:
         """Samples a second that came lately; 0 where none comes, NaN where unknown."""
         if self.stale:
@@ -135,9 +128,9 @@ class Feed:
         """Seconds without a sample after which the source is called stale."""
         speed = self.source.speed
         # What is made when it is asked for is never silent, only slow.
-        if speed == 0.0 or self.info.clock == SIMULATION:
+        if speed == 0.0 or self.source.info.clock == SIMULATION:
             return float("inf")
-        rate = self.info.rate * speed
+        rate = self.source.info.rate * speed
         return max(STALE, 3.0 / rate) if rate > 0 else STALE
 
 
@@ -227,8 +220,8 @@ class TouchLoop(Summary):
             classifier = load_classifier(classifier)
         self._singly, self._live = singly, live
         self.robot, self.counts = robot, Counts()
-        self.feed = Feed(source, self.counts)
-        info = self.info
+        self.source, self.info = source, source.info
+        self.feed, info = Feed(source, self.counts), self.info
         check_skin(info, robot)
         wanted = info.only(parts or info.parts)[0].parts
         chosen = [part for part in info.parts if part in wanted]
@@ -280,16 +273,6 @@ class TouchLoop(Summary):
                 return
             if moment is not None:
                 yield moment
-
-    @property
-    def source(self) -> Source:
-        """The present one."""
-        return self.feed.source
-
-    @property
-    def info(self) -> StreamInfo:
-        """What the source says of itself."""
-        return self.feed.info
 
     @property
     def resting(self) -> bool:
@@ -353,10 +336,8 @@ class TouchLoop(Summary):
         seconds : float
             Of its clock, at most.
         """
-        checks, end = (
-            SampleChecks(self.info, Counts(), seekable=True, taxels=self._gather),
-            float("nan"),
-        )
+        checks = SampleChecks(self.info, Counts(), seekable=True, taxels=self._gather)
+        end = float("nan")
         for block in blocks(source):
             end = float(block.times[0]) + seconds if end != end else end
             for _, _, values in checks.look(block):

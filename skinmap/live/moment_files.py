@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from skinmap.imports import import_optional
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.live.sources.playback import MarkedSpan
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
@@ -139,7 +137,8 @@ class _Writer:
             self._keep(f"plots/{part}/area_mm2", now, 1e6 * float(np.nansum(mine)))
             if abs(now - self._coloured[part]) >= PERIOD:
                 self._coloured[part] = now
-                self._colour(part, now, pressures)
+                counts = np.clip(np.nan_to_num(pressures), 0, 255).astype(np.uint8)
+                self._keep(self._at(part, "taxels"), now, self._table[counts], AT_ONCE)
             self._touches(part, now, moment)
 
     def marks(self, marked: Sequence[MarkedSpan]) -> None:
@@ -161,10 +160,6 @@ class _Writer:
         for link, T in self.robot.body.poses(dict(angles)).items():
             place = self.rerun.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3])
             self.stream.log(f"world/{link}", place, static=static)
-
-    def _colour(self, part: str, now: float, pressures: NDArray[Any]) -> None:
-        counts = np.clip(np.nan_to_num(pressures), 0, 255).astype(np.uint8)
-        self._keep(self._at(part, "taxels"), now, self._table[counts], AT_ONCE)
 
     def _keep(self, entity: str, now: float, row: Any, most: int = 64 * AT_ONCE) -> None:
         """Keep a value or the colours of taxels until `most` can be sent together."""

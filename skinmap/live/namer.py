@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import time as clock
-import warnings
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import BrokenPluginError, SkinError, SkinWarning
+from skinmap.errors import BrokenPluginError, SkinError, warn
 from skinmap.live.contacts.sample_contacts import Track
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.recognition.classifier import Prediction, TouchClassifier
@@ -105,11 +104,9 @@ class Namer:
             )
         except Exception as error:  # noqa: BLE001 - a plug-in may raise anything
             if not self.failed:
-                warnings.warn(
+                warn(
                     f"the classifier {self.classifier.name!r} failed ({error!r}): touches go on "
-                    "without new names until it answers again",
-                    SkinWarning,
-                    stacklevel=2,
+                    "without new names until it answers again"
                 )
             self.failed += 1
             return ()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
@@ -14,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, SkinWarning
-from skinmap.io.recordings.mapping import find_mapping
-from skinmap.io.recordings.touch_files import is_foreign, recorded_robot
+from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, warn
+from skinmap.io.recordings.touch_files import find_mapping, is_foreign, recorded_robot
+from skinmap.io.ros2.bag import METADATA, is_mapped, recordings_under
 from skinmap.live.loop import TouchLoop
 from skinmap.live.response.pressures import Response
 from skinmap.live.sources.source import Source
@@ -176,8 +175,6 @@ def recordings_of(path: Path) -> list[Path]:
     DataFormatError
         A folder of which none can be read.
     """
-    from skinmap.io.ros2.bag import METADATA, is_mapped, recordings_under
-
     if not path.is_dir() or (path / "data.log").exists() or (path / METADATA).is_file():
         return [path]
     found = sorted(
@@ -218,7 +215,7 @@ def _readable(paths: Sequence[Path], read: Callable[[Path], Any]) -> tuple[list[
         except DataFormatError as error:
             if len(paths) == 1 or (path == paths[-1] and not kept):
                 raise
-            warnings.warn(f"left out: {error}", SkinWarning, stacklevel=3)
+            warn(f"left out: {error}", above=1)
     return kept, found
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from skinmap.commands.profiles import profile_used
+from skinmap.commands.options import profile_used
 from skinmap.report.result import REFUSED_CODE, Verdict, decimals, plain
 from skinmap.report.table import Table, visible
 

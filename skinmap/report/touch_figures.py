@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import SkinMismatchError
 from skinmap.geometry.triangles import face_normals
-from skinmap.live.contacts.named_touch import UNNAMED, NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import UNNAMED, Moment, NamedTouch
 from skinmap.report.flat_figures import draw_surface, mesh_views
 from skinmap.report.page import plain_figure
 from skinmap.surface.surface_mesh import SurfaceMesh

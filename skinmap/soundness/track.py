@@ -25,8 +25,8 @@ from skinmap.errors import (
     check_kind,
 )
 from skinmap.io.recordings.channel_table import SECONDS, channel_columns
-from skinmap.io.recordings.mapping import Mapping as FileMapping
-from skinmap.io.recordings.mapping import find_mapping, is_own_archive
+from skinmap.io.recordings.touch_files import Mapping as FileMapping
+from skinmap.io.recordings.touch_files import find_mapping, is_own_archive
 from skinmap.io.text import check_file
 
 if TYPE_CHECKING:
@@ -584,7 +584,7 @@ def _places_of(robot: str, part: str, width: int) -> FloatArray | None:
 
 def _from_stream(path: Path) -> Track:
     from skinmap.io.robots.manifest import builtin_named
-    from skinmap.live.sources.open_recording import open_track
+    from skinmap.live.sources.open_source import open_track
 
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

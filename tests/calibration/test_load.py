@@ -423,7 +423,7 @@ def bag(path, topics):
     """A recording of ROS 2 in MCAP: by topic its type, times [ns] and messages."""
     from mcap.writer import Writer
 
-    from skinmap.io.ros2.message_types import definition, full_name, write
+    from skinmap.io.ros2.messages import definition, full_name, write
 
     with path.open("wb") as file:
         writer = Writer(file)
@@ -440,7 +440,7 @@ def bag(path, topics):
 
 def skin_topic(samples):
     """Samples as a bag has them, from 7 s on."""
-    from skinmap.io.ros2.message_types import build
+    from skinmap.io.ros2.messages import build
 
     layout = build("std_msgs/MultiArrayLayout", [], 0)
     stamps = 7e9 + 1e9 * np.arange(len(samples)) / RATE
@@ -449,7 +449,7 @@ def skin_topic(samples):
 
 def chamber_topic(pressure, *, later=0.0, above=101_325.0):
     """An absolute pressure with a clock of its own, at half the rate."""
-    from skinmap.io.ros2.message_types import header
+    from skinmap.io.ros2.messages import header
 
     stamps = (7e9 + 1e9 * (np.arange(0, len(pressure), 2) / RATE + later)).astype(np.int64)
     values = 1e5 * pressure[::2] + above

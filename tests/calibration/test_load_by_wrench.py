@@ -10,7 +10,7 @@ from click.testing import CliRunner
 
 import skinmap
 from skinmap.cli.main import cli
-from skinmap.live.contacts.contact_forces import PartForces
+from skinmap.live.response.loads import PartForces
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
 

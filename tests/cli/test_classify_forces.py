@@ -15,9 +15,8 @@ from click.testing import CliRunner
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
 from skinmap.io.robots.manifest import load_robot
-from skinmap.live.contacts.contact_forces import ContactForce
 from skinmap.live.loop import TouchLoop
-from skinmap.live.response.loads import PartLoads
+from skinmap.live.response.loads import ContactForce, PartLoads
 from skinmap.live.sources.open_source import open_source
 from skinmap.memory_features import FEATURES
 from skinmap.touch.load_calibration import LoadCalibration

@@ -13,7 +13,7 @@ from click.testing import CliRunner
 from skinmap import __version__
 from skinmap.cli.main import cli
 from skinmap.cli.trade import every_task
-from skinmap.commands.profiles import BESIDE
+from skinmap.commands.options import BESIDE
 from skinmap.commands.retired import ANSWERS
 from skinmap.errors import SkinError
 from skinmap.profile import KNOBS, Allowed

@@ -13,7 +13,7 @@ from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
 from skinmap.io.recordings.touch_files import read_recordings, recorded_robot
 from skinmap.io.ros2.messages import Cloud
-from skinmap.live.sources.open_recording import open_track
+from skinmap.live.sources.open_source import open_track
 
 STEPS = 20
 MAPPING = """kind = "raw"

@@ -348,7 +348,7 @@ def test_decimal_commas_need_no_header(tmp_path, channels):
 
 def test_parts_that_lost_samples_play_beside_each_other(tmp_path):
     """A part that lost some samples was refused beside another."""
-    from skinmap.live.sources.open_recording import open_track
+    from skinmap.live.sources.open_source import open_track
     from skinmap.touch.recording import Recording, save_recordings
 
     times, lost = np.arange(200) / 50, np.array([20, 90, 91])

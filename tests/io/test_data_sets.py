@@ -13,7 +13,7 @@ from rosbags.highlevel import AnyReader
 from skinmap.cli.main import cli
 from skinmap.errors import MissingLibraryError, OutputError
 from skinmap.io.recordings.touch_files import save_recordings
-from skinmap.live.sources.open_recording import open_track
+from skinmap.live.sources.open_source import open_track
 from skinmap.touch.recording import Recording
 
 PART = "left_hand"
@@ -68,7 +68,7 @@ def test_lerobot_holds_angles_and_names_its_times(tmp_path):
     """Angles that come late, channels with gaps, and a rate of 12.5 with a pause of 10 s."""
     parquet = pytest.importorskip("pyarrow.parquet", reason="pyarrow (skinmap[lerobot]) is missing")
     from skinmap.errors import SkinWarning
-    from skinmap.io.recordings.lerobot import write_lerobot
+    from skinmap.io.recordings.learning import write_lerobot
     from skinmap.io.recordings.recorded_stream import RecordedStream, StreamInfo
     from skinmap.skin.taxels import TaxelTable
 

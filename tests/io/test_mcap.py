@@ -20,18 +20,11 @@ from skinmap.errors import (
     SkinMismatchError,
     UnknownNameError,
 )
-from skinmap.io.mcap.reading import (
-    Index,
-    McapSamples,
-    read_track,
-    write_marked,
-    write_repaired,
-)
+from skinmap.io.mcap.reading import Index, McapSamples, read_track, write_marked, write_repaired
 from skinmap.io.mcap.writing import McapRecording, McapWriter
 from skinmap.io.recordings.recorded_stream import MarkedTouch, nanoseconds_of
 from skinmap.io.recordings.touch_files import load_recordings, save_recordings
-from skinmap.io.ros2.message_types import decode, definition, encode
-from skinmap.io.ros2.messages import read_text
+from skinmap.io.ros2.messages import decode, definition, encode, read_text
 from skinmap.io.taxels.taxel_table import parse_csv
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.simulator import simulate, simulate_pairs

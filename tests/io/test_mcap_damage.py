@@ -20,7 +20,7 @@ from skinmap.io.mcap import mcap_scan
 from skinmap.io.mcap.mcap_scan import MAX_RECORD
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.mcap.writing import MAGIC, McapRecording, McapWriter
-from skinmap.io.ros2.message_types import array_type, definition, encode, full_name
+from skinmap.io.ros2.messages import array_type, definition, encode, full_name
 
 N, RATE, COUNT = 40, 50.0, 100
 STEP = 1 / RATE

@@ -18,8 +18,15 @@ from skinmap.errors import MessageError
 from skinmap.geometry.rigid import transform_points
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.mcap.writing import McapRecording
-from skinmap.io.ros2.message_types import definition, full_name, type_hash
-from skinmap.io.ros2.messages import TouchMarker, read_joints, read_text, text_message
+from skinmap.io.ros2.messages import (
+    TouchMarker,
+    definition,
+    full_name,
+    read_joints,
+    read_text,
+    text_message,
+    type_hash,
+)
 
 PARTS = ("left_forearm", "left_hand")
 EQUAL = 1e-6  # asked for; float32 keeps places of a metre to 6e-8

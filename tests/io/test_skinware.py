@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import DataFormatError
-from skinmap.io.taxels.skinware import read_skinware
-from skinmap.io.taxels.taxel_table import read_taxels
+from skinmap.io.taxels.taxel_table import read_skinware, read_taxels
 
 ROW = "1 7 1000000 -2500000 3 0 600000000 800000000 1750000 2"
 

@@ -14,7 +14,7 @@ from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, SkinWarning
 from skinmap.io.mcap.writing import TOUCHES, McapRecording
 from skinmap.io.recordings.marks import Marks
-from skinmap.live.sources.open_recording import open_track
+from skinmap.live.sources.open_source import open_track
 
 PART = "left_hand"
 
@@ -76,7 +76,7 @@ def test_exported_arrays_keep_it(made, files, start):
 def test_a_format_without_it_says_so(files):
     pytest.importorskip("pyarrow")
     track = open_track(files / "t.mcap")
-    from skinmap.io.recordings.lerobot import write_lerobot
+    from skinmap.io.recordings.learning import write_lerobot
 
     with pytest.warns(SkinWarning, match="does not keep the true motion"):
         write_lerobot(track, files / "set")

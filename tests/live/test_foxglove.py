@@ -15,8 +15,7 @@ import pytest
 from skinmap.errors import OutputError, SkinWarning
 from skinmap.io.ros2.messages import read_cloud
 from skinmap.live import open_publisher
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.live.sources.source import StreamInfo
 
 pytest.importorskip("foxglove", reason="foxglove-sdk is not installed")

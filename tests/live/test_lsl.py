@@ -24,8 +24,7 @@ from skinmap.errors import (
     UnknownNameError,
 )
 from skinmap.live import check_source, open_publisher, open_source
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.live.network import lsl_stream
 from skinmap.live.network.lsl_stream import load_lsl, read_description, settings, split_scope
 from skinmap.live.sources.source import StreamInfo

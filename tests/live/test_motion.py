@@ -3,14 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.live.contacts.contact_motion import (
-    MotionBook,
-    RolledWay,
-    heading,
-    recorded_course,
-)
+from skinmap.cli.evaluate.protocol_simulated import stroke_errors
+from skinmap.live.contacts.contact_motion import MotionBook, RolledWay, heading, recorded_course
 from skinmap.live.contacts.contact_tracker import ContactTracker
-from skinmap.live.contacts.stroke_errors import stroke_errors
 from skinmap.live.contacts.touch_history import TouchBook
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.recognition.descriptors import recorded_touches

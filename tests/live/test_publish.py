@@ -9,8 +9,7 @@ import pytest
 from skinmap import registry
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.live import open_publisher
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.live.publishing.publish import Publisher, publishers
 from skinmap.live.sources.source import StreamInfo
 

@@ -10,7 +10,7 @@ from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError,
 from skinmap.io.mcap.writing import McapRecording
 from skinmap.io.recordings.learning import write_npz
 from skinmap.io.recordings.touch_files import load_recordings, save_recordings
-from skinmap.live.sources.open_recording import open_recording, open_track
+from skinmap.live.sources.open_source import open_recording, open_track
 from skinmap.live.sources.source import Seekable, SourceEnded, blocks
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.simulator import simulate

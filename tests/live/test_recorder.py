@@ -20,9 +20,8 @@ from skinmap.errors import OutputError, SkinMismatchError, SkinWarning
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.mcap.writing import McapRecording, McapWriter
 from skinmap.live.recording import recorder as module
-from skinmap.live.recording import recording_tap as tap_module
-from skinmap.live.recording.recorder import Recorder
-from skinmap.live.recording.recording_tap import RecordingTap
+from skinmap.live.recording import recorder as tap_module
+from skinmap.live.recording.recorder import Recorder, RecordingTap
 from skinmap.live.response.sample_checks import SampleChecks
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import Block, Counts, Source, SourceEnded, StreamInfo, blocks

@@ -3,8 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.live.response.pressures import REST
-from skinmap.live.response.rest_gate import AROUND, NEVER, TWICE, RestGate
+from skinmap.live.response.pressures import AROUND, NEVER, REST, TWICE, RestGate
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 

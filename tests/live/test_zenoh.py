@@ -13,8 +13,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError, MessageError, SkinMismatchError, UnreachableError
-from skinmap.io.ros2.message_types import encode
-from skinmap.io.ros2.messages import Cloud, read_cloud
+from skinmap.io.ros2.messages import Cloud, encode, read_cloud
 from skinmap.live import open_publisher, open_source
 from skinmap.live.network.zenoh_stream import (
     ATTACHMENT,

@@ -14,8 +14,7 @@ import pytest
 
 from skinmap.display import require_opengl
 from skinmap.errors import MissingLibraryError
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 
 PARTS = ("torso", "left_arm")
 RATE, COUNT = 50.0, 200  # of the samples of a wandering press

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 
 GOLDEN = Path(__file__).parent / "golden"
 SIZE = (480, 360)

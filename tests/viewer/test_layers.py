@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.touched_taxels import Touched, TouchedPart
 from skinmap.memory_features import FEATURES
 from skinmap.neighbours.offsets import auto_radius

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import SkinMismatchError, UnknownNameError
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 
 PAGE = Path(__file__).parents[2] / "docs" / "viewer.md"
 BLOCKS = [

@@ -7,8 +7,7 @@ import pytest
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.geometry.topology import border_edges
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from viewer.layers import LAYERS
 
 

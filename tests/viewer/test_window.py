@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from skinmap.display import has_display
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 
 
 def test_dragging_the_body_turns_the_camera_and_chooses_nothing(window, hands):

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
 from skinmap.io.output import staged_file
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 from viewer.colours import DIFFERENCE_STOPS, INK, ramp
 from viewer.layers import Layer

@@ -18,7 +18,7 @@ import numpy as np
 import pyvista as pv
 
 from skinmap.io.output import staged_file
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from viewer.colours import BODY, rgb
 from viewer.drawing.body.bare_body import body_meshes
 from viewer.drawing.skin.draw_positions import LIFT, polygons

@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, check_known
 from skinmap.geometry.rigid import transform_directions, transform_points
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.summary import first_few
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.frame.camera import FACING, Target, project, world_points

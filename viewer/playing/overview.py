@@ -16,8 +16,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import closing
 
 from skinmap.errors import SkinError
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.loop import TouchLoop
-from skinmap.live.moment import Moment
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import SourceEnded
 from skinmap.live.touched_taxels import touch_stretches

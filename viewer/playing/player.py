@@ -17,7 +17,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any, Self
 
 from skinmap.errors import InvalidArrayError
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import Seekable, SourceEnded, is_live
 from viewer.playing.recent_moments import History, Outlet, Timeline

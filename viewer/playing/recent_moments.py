@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.live.contacts.named_touch import UNNAMED
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import UNNAMED, Moment
 from viewer.colours import RIM, class_colour
 
 MINUTE = 60.0  # that is remembered [s]

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from skinmap.errors import SkinError, UnknownNameError
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from viewer.drawing.touches.traces import COURSES
 from viewer.drawing.touches.traces import SPANS as PLOTTED
 from viewer.interaction.pointing import describe

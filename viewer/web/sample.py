@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from skinmap.errors import SkinError
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import unit
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from viewer.colours import touch_colour
 from viewer.drawing.body.bare_body import posed
 from viewer.drawing.panel.touch_list import caption, details

@@ -11,8 +11,8 @@ from skinmap.recognition.answers import Answer, HandAnswer
 from skinmap.summary import first_few
 
 if TYPE_CHECKING:
-    from skinmap.live.contacts.contact_forces import ContactForce
     from skinmap.live.contacts.named_touch import TouchEvent
+    from skinmap.live.response.loads import ContactForce
 
 MM = 1e3
 STATES = {"stuck": "stuck", "noisy": "noisy", "dead": "dead", "unheard": "not heard yet"}

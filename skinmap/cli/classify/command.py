@@ -26,6 +26,7 @@ from skinmap.commands.options import (
     robot_option,
     seconds_option,
     seed_option,
+    words,
 )
 from skinmap.report.present import present
 from skinmap.report.table import Table
@@ -48,12 +49,11 @@ SUFFIX = ".skinmodel"  # as `skinmap.recognition.model_file` has it; a test comp
     "like `poke or edge`.",
 )
 @seed_option
-@click.option(
+@words(
     "--gesture",
     "gestures",
-    multiple=True,
-    metavar="GESTURE",
-    help="Gestures of the source sim, with commas between; or four, eight, "
+    "GESTURE",
+    "Gestures of the source sim, with commas between; or four, eight, "
     "all, hand, other, time. May be repeated.  [default: four]",
 )
 @prints(ClassifyResult, live=(LiveTouch, LiveSummary))
@@ -90,6 +90,7 @@ def command(files: tuple[str, ...], coverage: float | None, as_json: bool, **how
               skinmap classify sim --gesture all,time --seconds 15 --json
               skinmap classify touch.mcap --calibration left_forearm=load
     """
+    from skinmap.cli.classify.live_naming import classify_live, name_recorded
     from skinmap.recognition.model_file import load_classifier
     from skinmap.recognition.named_classifiers import default_model
 
@@ -100,12 +101,8 @@ def command(files: tuple[str, ...], coverage: float | None, as_json: bool, **how
         classifier.promise(coverage)
     live = not holds_events(source)
     if live or how["publish"] or how["seconds"] is not None:
-        from skinmap.cli.classify.live_naming import classify_live
-
         classify_live(classifier, source, as_json=as_json, **how)
         return
-    from skinmap.cli.classify.live_naming import name_recorded
-
     what = {name: how[name] for name in ("robot", "parts", "calibrations")}
     found = name_recorded(classifier, Path(source), **what)
     present(found, _lines, as_json=as_json)

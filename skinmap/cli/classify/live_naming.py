@@ -28,14 +28,15 @@ from skinmap.cli.classify.classify_result import (
 from skinmap.commands.options import open_robot, open_stream
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import read_recordings
-from skinmap.live.contacts.contact_forces import TOO_LIGHT, ContactForce, PartForces
 from skinmap.live.contacts.contact_motion import MotionBook, recorded_course
-from skinmap.live.contacts.named_touch import UNNAMED, TouchEvent
-from skinmap.live.loop import TouchLoop
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import UNNAMED, Moment, TouchEvent
+from skinmap.live.loop import TouchLoop, check_classifier
 from skinmap.live.publishing.publish import open_publisher
 from skinmap.live.response.loads import (
     AROUND,
+    TOO_LIGHT,
+    ContactForce,
+    PartForces,
     far_rest,
     heaviest_load,
     load_calibrations,
@@ -109,7 +110,7 @@ def classify_live(
             again = open_source(spec, robot=loaded, parts=chosen, speed=float("inf"))
             with closing(again) as ahead:
                 loop.learn_rest(ahead, LEARN)
-        _note_differences(classifier, loop)
+        _note(classifier, loop.skins)
         run = _Run(loop, spec, classifier.name, as_json=as_json)
         publishers = _publish(loop, publish)
     except BaseException:
@@ -300,11 +301,12 @@ def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:
     return found
 
 
-def _note_differences(classifier: TouchClassifier, loop: TouchLoop) -> None:
-    """Say in one line on which parts the model has not learnt, and in one what it lacks."""
-    _note_lacks(classifier)
-    _note_coarse(loop.skins.values())
-    found = {part: classifier.difference(one.skin).message for part, one in loop.skins.items()}
+def _note(classifier: TouchClassifier, skins: Mapping[str, PreparedSkin]) -> None:
+    """Say what a model does not answer itself, and on which parts it has not learnt."""
+    if lacks := lacking(classifier):
+        click.echo(f"note: the model {lacks}", err=True)
+    _note_coarse(skins.values())
+    found = {part: classifier.difference(one.skin).message for part, one in skins.items()}
     strange = [part for part, message in found.items() if message]
     if len(strange) == 1:
         click.echo(f"note: {found[strange[0]]}", err=True)
@@ -321,12 +323,6 @@ def _note_coarse(skins: Iterable[PreparedSkin]) -> None:
                 "than a fingertip: a press on one alone counts as a spike, as no contact",
                 err=True,
             )
-
-
-def _note_lacks(classifier: TouchClassifier) -> None:
-    """Say once what a model of before, or one without groups of its own, does not answer itself."""
-    if lacks := lacking(classifier):
-        click.echo(f"note: the model {lacks}", err=True)
 
 
 def name_recorded(
@@ -349,8 +345,9 @@ def name_recorded(
             "its robot by --robot"
         )
     skins = prepare_skins(loaded, chosen)
-    check_model(classifier, skins, chosen)
-    _note_lacks(classifier)
+    check_classifier(classifier, skins.values())
+    _note(classifier, skins)
+    _note_labels(classifier, chosen)
     loads = load_calibrations(calibrations, skins)
     rows: list[NamedRow] = []
     right = 0
@@ -486,23 +483,8 @@ def _motion(
     }
 
 
-def check_model(
-    classifier: TouchClassifier, skins: Mapping[str, PreparedSkin], recordings: Sequence[Recording]
-) -> None:
-    """Refuse skins that a model cannot name touches on; say what else does not fit.
-
-    Raises
-    ------
-    SkinMismatchError
-        A model that reads taxels by their number, and another skin.
-    """
-    _note_coarse(skins.values())
-    for skin in skins.values():
-        difference = classifier.difference(skin.skin)
-        if not difference.may_go_on:
-            raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
-        if difference.message:
-            click.echo(f"note: {difference.message}", err=True)
+def _note_labels(classifier: TouchClassifier, recordings: Sequence[Recording]) -> None:
+    """Say which recorded labels the model lacks."""
     recorded = {kind for one in recordings for label in one.labels for kind in label.split(JOIN)}
     strange = sorted(recorded - set(classifier.labels))
     if strange:

@@ -1,38 +1,195 @@
-"""`skinmap evaluate`: how well classifiers do, measured as their authors did and without leaks."""
+"""`skinmap evaluate`: how well classifiers do, measured as their authors did and without leaks.
+
+What the protocols of `skinmap evaluate` share: one module each, which is found by its name.
+"""
 
 from __future__ import annotations
 
+import importlib
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import TYPE_CHECKING, Annotated, Any, get_args
 
 import click
+import numpy as np
 from click.core import ParameterSource
+from msgspec import Meta, Struct, ValidationError, convert
 
-from skinmap.cli.evaluate.evaluation import (
-    ON_DATA,
-    PROTOCOLS,
-    Settings,
-    find_evaluation,
-    own_settings,
-)
 from skinmap.commands.options import (
     PATH,
-    Whole,
+    WorkerOptions,
     Written,
+    choice,
     file_option,
     out_folder,
     part_option,
     per_gesture_option,
     prints,
     seed_option,
+    whole,
+    word,
+    words,
+    workers_options,
 )
-from skinmap.commands.spreading import WorkerOptions, workers_options
+from skinmap.commands.progress import progress
+from skinmap.errors import unknown_name
+from skinmap.io.output import staged_file
 from skinmap.recognition.protocols.results import EvaluateResult
 from skinmap.report.page import lines_page, media
 from skinmap.report.present import present
 from skinmap.report.result import plain
+from skinmap.report.table import Cell, Table
+
+if TYPE_CHECKING:
+    from skinmap.parallel.workers import Workers
+    from skinmap.recognition.protocols.recordings import Way
+
+PROTOCOLS = (
+    "kaspar",
+    "baxter",
+    "cross-patch",
+    "physics",
+    "time",
+    "fingers",
+    "hands",
+    "prints",
+    "force",
+    "load",
+)
+ON_DATA = {  # protocols of files that users bring: how many, and their names
+    "fingers": (1, 1, "its file or folder"),
+    "hands": (1, 1, "its file or folder"),
+    "prints": (2, 2, "TRAIN.npz TEST.npz"),
+    "load": (2, 1000, "MODEL RECORDING..."),
+}
+# Protocols that share a module.
+HOMES = dict.fromkeys(("kaspar", "baxter"), "papers")
+HOMES |= dict.fromkeys(("cross-patch", "physics", "time"), "simulated")
+HOMES |= dict.fromkeys(("fingers", "hands", "prints"), "real") | {"load": "force"}
+
+Rows = list[list[Cell]]
+
+
+@dataclass(frozen=True, slots=True)
+class Settings:
+    """The options of the command, checked by click.
+
+    `own` are the protocol's settings, of its type `SETTINGS`; with `pictures` all that they show is
+    measured; `predictions` is the file for what a protocol of measured data answered.
+    """
+
+    recordings: tuple[Path, ...]
+    workers: Workers
+    robot: str | None
+    parts: tuple[str, ...]
+    seeds: int
+    seed: int
+    names: tuple[str, ...]
+    per_gesture: int
+    variety: float
+    leave_out: tuple[Way, ...]
+    pictures: bool
+    predictions: Path | None
+    own: Any
+
+    @property
+    def all_seeds(self) -> list[int]:
+        """The seed of each repetition."""
+        return list(range(self.seed, self.seed + self.seeds))
+
+    @property
+    def drawn(self) -> dict[str, Any]:
+        """How touches are drawn, for protocols and for their results."""
+        return {"variety": self.variety, "seeds": self.all_seeds}
+
+    @contextmanager
+    def working(self, steps: int, title: str) -> Iterator[dict[str, Any]]:
+        """Who computes and whom that tells, under a bar of so many steps."""
+        with progress(steps, title) as advance:
+            yield {"workers": self.workers, "progress": advance}
+
+
+class Own(Struct, forbid_unknown_fields=True):
+    """Settings of a protocol that no other has; this one has none."""
+
+
+class Gestures(Own):
+    """Of protocols that may tell other touches apart than the four."""
+
+    gestures: str = "four"
+
+
+class Folds(Gestures):
+    """Of protocols that deal out what was recorded."""
+
+    folds: Annotated[int, Meta(ge=2, le=20)] = 4
+
+
+@dataclass(frozen=True, slots=True)
+class Evaluation:
+    """How a protocol is run and told.
+
+    Attributes
+    ----------
+    work
+        Takes the settings and gives a result.
+    lines
+        Makes tables of that.
+    settings
+        What `--set` sets.
+    draw
+        Draws a picture of the result into a file, where there is one.
+    """
+
+    work: Callable[[Settings], Any]
+    lines: Callable[[Any], Iterator[str | Table]]
+    settings: type[Own] = Own
+    draw: Callable[[Any, Path], None] | None = None
+
+
+def find_evaluation(name: str) -> Evaluation:
+    """That of a protocol, or of `recordings`."""
+    module = f"skinmap.cli.evaluate.protocol_{HOMES.get(name, name)}"
+    found: Evaluation = importlib.import_module(module).EVALUATIONS[name]
+    return found
+
+
+def own_settings(kind: type[Own], protocol: str, given: Sequence[str]) -> Own:
+    """The settings `NAME=VALUE` of a protocol.
+
+    Raises
+    ------
+    click.UsageError
+        No such setting of the protocol, or a value that it does not take.
+    """
+    found = {}
+    for one in given:
+        name, equals, value = one.partition("=")
+        if name not in kind.__struct_fields__ or not equals:
+            known = ", ".join(kind.__struct_fields__) or "none"
+            raise click.UsageError(f"--set {one}: settings of {protocol}: {known}")
+        found[name] = {"yes": True, "no": False}.get(value, value)
+    try:
+        return convert(found, kind, strict=False)
+    except ValidationError as error:
+        raise click.UsageError(f"--set of {protocol}: {error}") from None
+
+
+def chosen_gestures(settings: Settings) -> tuple[str, ...]:
+    """Names of the gestures that were asked for."""
+    from skinmap.touch.simulation.hands import gesture_set
+
+    return gesture_set([settings.own.gestures])
+
+
+def write_predictions(path: Path, arrays: Mapping[str, Any]) -> None:
+    """Write what a protocol answered as an archive of arrays."""
+    with staged_file(path) as stage, stage.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+
 
 PREDICTING = ("prints", "load")  # protocols that write what they answered
 UNNAMED = ("force", "load", "prints", "fingers", "hands")  # that train no classifier
@@ -43,57 +200,37 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
 
 @click.command("evaluate")
 @click.argument("recordings", nargs=-1, metavar="[RECORDING...]", type=PATH)
-@click.option(
+@word(
     "--protocol",
-    metavar="|".join(PROTOCOLS) + "|RECORDING",
-    help="Protocol to run; recordings are cross-validated by touch event.",
+    "|".join(PROTOCOLS) + "|RECORDING",
+    "Protocol to run; recordings are cross-validated by touch event.",
 )
-@click.option("--robot", metavar="ROBOT", help="Robot to simulate on, or that was recorded.")
+@word("--robot", "ROBOT", "Robot to simulate on, or that was recorded.")
 @part_option
-@click.option(
-    "--seeds",
-    type=Whole(1, 1000),
-    help="Repetitions.  [default: 5; baxter: 10, physics, time, force: 1]",
-)
-@click.option(
-    "--classifier",
-    "names",
-    metavar="CLASSIFIER",
-    multiple=True,
-    help="Only this one; may be repeated.",
-)
+@whole("--seeds", 1, 1000, "Repetitions.  [default: 5; baxter: 10, physics, time, force: 1]")
+@words("--classifier", "names", "CLASSIFIER", "Only this one; may be repeated.")
 @per_gesture_option(
     "cross-patch, physics, time, force: touches of each gesture on each patch or part."
 )
-@click.option(
+@word(
     "--variety",
-    metavar="none|some|wide|wider|X",
-    help="Random spread of simulated touches and sensors, as in `skinmap simulate`.  "
+    "none|some|wide|wider|X",
+    "Random spread of simulated touches and sensors, as in `skinmap simulate`.  "
     "[default: wide; kaspar, baxter: none, as in the papers]",
 )
-@click.option(
+@choice(
     "--sampling",
-    type=click.Choice(["random", "paper"]),
-    help="kaspar: draw samples at random, or every 50th and 10th as published.",
+    ("random", "paper"),
+    "kaspar: draw samples at random, or every 50th and 10th as published.",
 )
-@click.option(
-    "--network",
-    type=click.Choice(["small", "paper"]),
-    help="baxter: a small network, or that of the paper.",
-)
-@click.option(
-    "--set",
-    "own",
-    metavar="NAME=VALUE",
-    multiple=True,
-    help="A setting of the protocol (below); may be repeated.",
-)
-@click.option(
+@choice("--network", ("small", "paper"), "baxter: a small network, or that of the paper.")
+@words("--set", "own", "NAME=VALUE", "A setting of the protocol (below); may be repeated.")
+@choice(
     "--leave-out",
-    multiple=True,
-    type=click.Choice(["event", "session", "person", "place", "part"]),
-    help="recordings: train without each of them in turn, beside touches dealt out (event) and "
+    ("event", "session", "person", "place", "part"),
+    "recordings: train without each of them in turn, beside touches dealt out (event) and "
     "controls by what the skin read before the touches; may be repeated.",
+    multiple=True,
 )
 @file_option(
     "--predictions",
@@ -165,9 +302,9 @@ def command(
     options["seeds"] = options["seeds"] or SEEDS.get(chosen, 5)
     options["variety"] = _variety(chosen, options["variety"])
     evaluation = find_evaluation(chosen)
-    words = [f"{name}={options[name]}" for name in ("sampling", "network") if options[name]]
+    more = [f"{name}={options[name]}" for name in ("sampling", "network") if options[name]]
     del options["sampling"], options["network"]
-    own = own_settings(evaluation.settings, chosen, (*words, *options.pop("own")))
+    own = own_settings(evaluation.settings, chosen, (*more, *options.pop("own")))
     with spread.open(f"evaluate {chosen}") as workers:
         settings = Settings(
             recordings=files, workers=workers, own=own, pictures=out is not None, **options
@@ -210,8 +347,6 @@ def _variety(protocol: str, asked: str | None) -> float:
 
 def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, tuple[Path, ...]]:
     """The protocol and its recordings; a file may stand in either place."""
-    from skinmap.errors import unknown_name
-
     if protocol in PROTOCOLS:
         ctx = click.get_current_context()
         if ctx.params["leave_out"]:

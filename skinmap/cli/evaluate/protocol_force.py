@@ -1,26 +1,45 @@
-"""`skinmap evaluate --protocol force`: forces of contacts against those of MuJoCo."""
+"""`skinmap evaluate --protocol force`: forces of contacts against those of MuJoCo.
+
+`skinmap evaluate --protocol load MODEL RECORDING...`: pressures beside those of a chamber.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.cli.evaluate.evaluation import Evaluation, Settings
+from skinmap.cli.evaluate.command import Evaluation, Own, Rows, Settings, write_predictions
+from skinmap.clock_lines import UNEXPLAINED, align, reference_at
 from skinmap.commands.options import open_robot
+from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError
-from skinmap.recognition.protocols.results import ForceResult, ForceRow
+from skinmap.io.recordings.load_evidence import EvenRows, read_evidence
+from skinmap.live.response.loads import PartForces
+from skinmap.parallel.run import task_rng
+from skinmap.physics.pressing import Pressed, import_mujoco
+from skinmap.physics.simulation import (
+    FULL_PRESSURE,
+    Ground,
+    draw_people,
+    find_place,
+    make_ground,
+    press_place,
+    taxel_loads,
+)
+from skinmap.physics.variants import FROZEN, find_variant
+from skinmap.recognition.protocols.folds import run_repeats
+from skinmap.recognition.protocols.results import ForceResult, ForceRow, LoadRow, LoadsResult
 from skinmap.report.table import Table
-
-if TYPE_CHECKING:
-    from skinmap.live.contacts.contact_forces import PartForces
-    from skinmap.physics.pressing import Pressed
-    from skinmap.physics.simulation import Ground
-    from skinmap.touch.prepared_skin import PreparedSkin
-    from skinmap.touch.simulation.sensing import Sensors
+from skinmap.rows import percent
+from skinmap.skin.checks import twin_parts
+from skinmap.touch.contacts.skin_geometry import ACTIVE, find_contacts
+from skinmap.touch.load_calibration import LoadCalibration, Zero
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.simulation.sensing import Sensing, Sensors
 
 BODIES = ("poke", "full_finger", "three_finger", "whole_hand", "ball")
 TUNED_ON = ("torso", "left_forearm")  # parts whose touches set how wide the intervals are
@@ -48,7 +67,7 @@ class Judged(NamedTuple):
     whole: bool  # whether its heaviest moment lies within the calibrated range
 
 
-def work(settings: Settings) -> ForceResult:
+def judge_force(settings: Settings) -> ForceResult:
     """Run the protocol.
 
     Raises
@@ -56,12 +75,6 @@ def work(settings: Settings) -> ForceResult:
     SkinError
         MuJoCo is not installed, a part that does not exist, or parts that no body fits.
     """
-    from skinmap.physics.pressing import import_mujoco
-    from skinmap.physics.variants import FROZEN
-    from skinmap.recognition.protocols.folds import run_repeats
-    from skinmap.skin.checks import twin_parts
-    from skinmap.touch.prepared_skin import PreparedSkin
-
     import_mujoco()
     loaded, parts = open_robot(settings.robot or "icub", settings.parts)
     twins = twin_parts({part: loaded.skin(part) for part in loaded.parts})
@@ -97,18 +110,6 @@ def work(settings: Settings) -> ForceResult:
 
 def press_part(prepared: PreparedSkin, seed: tuple[int, ...], *, count: int) -> list[Judged]:
     """Touch a part with each body so often, its taxels calibrated in a chamber before."""
-    from skinmap.live.contacts.contact_forces import PartForces
-    from skinmap.parallel.run import task_rng
-    from skinmap.physics.simulation import (
-        draw_people,
-        find_place,
-        make_ground,
-        press_place,
-        taxel_loads,
-    )
-    from skinmap.physics.variants import FROZEN, find_variant
-    from skinmap.touch.simulation.sensing import Sensing, Sensors
-
     rng = task_rng(seed)
     skin, variant = prepared.skin, find_variant(FROZEN)
     ground = make_ground(skin, variant, rng=rng)
@@ -135,8 +136,6 @@ def in_chamber(
     ground: Ground, sensors: Sensors, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Slope (n,) [Pa a count] of each taxel under even pressures, and its doubt (n,) [Pa]."""
-    from skinmap.physics.simulation import FULL_PRESSURE
-
     levels = np.repeat(np.linspace(0.0, TOP, STEPS), EACH)
     n = len(ground.bed.skin)
     counts = sensors.read(np.repeat(levels[:, None], n, axis=1), rng=rng).astype(np.float64)
@@ -161,8 +160,6 @@ def _judge(
     forces: PartForces,
 ) -> Judged:
     """Our answer at the heaviest moment within range, which the readings alone choose."""
-    from skinmap.touch.contacts.skin_geometry import ACTIVE, find_contacts
-
     inside: BoolArray = np.asarray((counts < SATURATED).all(axis=1))
     sums = np.where(inside, counts.sum(axis=1), -1.0)
     moment = int(sums.argmax())
@@ -216,7 +213,7 @@ def row(name: str, judged: Sequence[Judged]) -> ForceRow:
     )
 
 
-def lines(result: ForceResult) -> Iterator[str | Table]:
+def force_lines(result: ForceResult) -> Iterator[str | Table]:
     """The tables of a result."""
     yield (
         f"{result.robot}, {', '.join(result.parts)}: total normal force of touches pressed by "
@@ -236,4 +233,148 @@ def lines(result: ForceResult) -> Iterator[str | Table]:
     yield "plain areas: the control, median error of pressures times the areas of active taxels"
 
 
-EVALUATIONS = {"force": Evaluation(work, lines)}
+CALENDAR = 1e9  # times above it are seconds since 1970
+ROWS = 4000  # judged at once
+
+
+class ZeroSetting(Own):
+    """Where the zero of a recording comes from."""
+
+    zero: Zero = "auto"
+
+
+def judge_load(settings: Settings) -> LoadsResult:
+    """Run the protocol.
+
+    Raises
+    ------
+    SkinError
+        A file that is missing, damaged, of another number of taxels or without samples.
+    """
+    model, *recordings = settings.recordings
+    calibration = LoadCalibration.read(model)
+    zero: Zero = settings.own.zero
+    rows, written = [], []
+    with progress(len(recordings), "load") as advance:
+        for path in recordings:
+            one = read_evidence(path, needed=False)
+            even = one.on_even_rows()
+            found = calibration.pressures(even.evidence.samples, even.evidence.times, zero=zero)
+            if even.evidence is not one:  # one row for each sample
+                found = found[0][even.rows], found[1][even.rows], found[2][even.rows]
+            rows.append(_load_row(calibration, even, found, zero))
+            if settings.predictions is not None:
+                written.append((one.times, *found))
+            advance(path.name)
+    if settings.predictions is not None:
+        names = ("times", "pressure_bar", "low", "high")
+        arrays = {
+            name: np.concatenate(each)
+            for name, each in zip(names, zip(*written, strict=True), strict=True)
+        }
+        arrays["recording"] = np.repeat(np.arange(len(written)), [len(one[0]) for one in written])
+        write_predictions(settings.predictions, arrays)
+    return LoadsResult(
+        robot=f"skin of {len(calibration)} taxels",
+        model=calibration.model,
+        taxels=len(calibration),
+        calibrated=int(calibration.answered.sum()),
+        rows=rows,
+    )
+
+
+def _load_row(
+    calibration: LoadCalibration,
+    even: EvenRows,
+    found: tuple[FloatArray, FloatArray, FloatArray],
+    zero: Zero,
+) -> LoadRow:
+    (values, low, high), one = found, even.evidence
+    answered = np.isfinite(values)
+    zeroed = calibration.session(calibration.cooled(one.samples), one.rate, zero=zero).zeroed
+    start = float(one.times[0])
+    age = 0.0 if zeroed else (start - calibration.zeroed if start > CALENDAR else None)
+    width = float(np.nanmean(high - low)) if answered.any() else None
+    rms, holds, unexplained, reason = _beside(even, found)
+    return LoadRow(
+        recording=one.name,
+        rms_bar=rms,
+        holds=holds,
+        width_bar=width,
+        refused=float(1.0 - answered.mean()),
+        answered=int(answered.any(axis=0).sum()),
+        zeroed=zeroed,
+        zero_age_seconds=age,
+        unexplained=unexplained,
+        reason=reason,
+    )
+
+
+def _beside(
+    even: EvenRows, found: tuple[FloatArray, FloatArray, FloatArray]
+) -> tuple[float | None, float | None, float | None, str]:
+    """Error, share of intervals that hold, what alignment leaves open, and why there are none."""
+    one = even.evidence
+    if not one.kind:
+        return None, None, None, ""
+    reference = one.on_nominal_rows()
+    try:
+        lines = align(one.samples, reference, rate=one.rate)
+    except InvalidArrayError as error:
+        return None, None, None, str(error)
+    left = lines[0].unexplained
+    if left > UNEXPLAINED:
+        words = f"at the best lag {percent(left)} % of its reference are not explained"
+        return None, None, left, f"{words} by the samples"
+    wanted = reference_at(lines, reference, len(one.samples))[even.rows]
+    squares, counts, inside = 0.0, 0, 0
+    for start in range(0, len(wanted), ROWS):
+        values, low, high = (each[start : start + ROWS] for each in found)
+        true = wanted[start : start + ROWS, None]
+        good = np.isfinite(values) & np.isfinite(true)
+        squares = squares + np.where(good, (values - true) ** 2, 0.0).sum(axis=0)
+        counts = counts + good.sum(axis=0)
+        load = np.maximum(true, 0.0)  # a reference's noise at rest is no load below 0
+        inside += int((good & (low <= load) & (load <= high)).sum())
+    own = np.asarray(counts) > 0
+    if not own.any():
+        return None, None, left, "no taxel answers beside its reference"
+    rms = np.sqrt(np.asarray(squares)[own] / np.asarray(counts)[own])
+    return float(rms.mean()), inside / int(np.sum(counts)), left, ""
+
+
+def loads_lines(result: LoadsResult) -> Iterator[str | Table]:
+    """The tables of a result."""
+    yield (
+        f"{result.robot}, {result.calibrated} of them calibrated (model {result.model}); answers "
+        "come from the samples and the calibration alone"
+    )
+
+    def words(value: float | None) -> str:
+        return "none" if value is None else f"{value:.3f}"
+
+    rows: Rows = [
+        [
+            row.recording, words(row.rms_bar), percent(row.holds), words(row.width_bar),
+            percent(row.refused), row.answered,
+            _zero_words(row),
+        ]
+        for row in result.rows
+    ]  # fmt: skip
+    heads = ["recording", "error [bar]", "inside 90 % [%]", "width [bar]", "refused [%]"]
+    yield Table([*heads, "taxels that answer", "zero"], rows)
+    for row in result.rows:
+        if row.reason:
+            yield f"{row.recording}: not judged: {row.reason}"
+
+
+def _zero_words(row: LoadRow) -> str:
+    if row.zeroed or row.zero_age_seconds is None:
+        return "its own" if row.zeroed else "the calibration's"
+    return f"the calibration's, {row.zero_age_seconds / 3600.0:.1f} h old"
+
+
+EVALUATIONS = {
+    "force": Evaluation(judge_force, force_lines),
+    "load": Evaluation(judge_load, loads_lines, ZeroSetting),
+}

@@ -13,13 +13,19 @@ import click
 import numpy as np
 from msgspec import Meta
 
-from skinmap.cli.evaluate.evaluation import Evaluation, Own, Rows, Settings
+from skinmap.cli.evaluate.command import Evaluation, Own, Rows, Settings
 from skinmap.commands.options import MAX_TOUCHES, open_robot
+from skinmap.io.recordings.image_files import read_images
+from skinmap.recognition.protocols import kaspar
+from skinmap.recognition.protocols.baxter import METHODS, evaluate_baxter
+from skinmap.recognition.protocols.baxter_images import ImageSet, given_images
+from skinmap.recognition.protocols.kaspar import evaluate_carry_over
 from skinmap.recognition.protocols.results import BaxterResult, CarrySummary, KasparResult, SweepRow
 from skinmap.report.page import plain_figure, save_figure
 from skinmap.report.result import given
 from skinmap.report.table import Table
 from skinmap.rows import by_class, percent
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.variety import Places
 
 
@@ -33,10 +39,6 @@ class Kaspar(Own):
 
 def judge_kaspar(settings: Settings) -> KasparResult:
     """Run the protocol."""
-    from skinmap.recognition.protocols import kaspar
-    from skinmap.recognition.protocols.kaspar import evaluate_carry_over
-    from skinmap.touch.prepared_skin import PreparedSkin
-
     if settings.names:
         raise click.UsageError("--protocol kaspar has its own classifiers: no --classifier")
     name = settings.robot or kaspar.ROBOT
@@ -149,11 +151,6 @@ class Baxter(Own):
 
 def judge_baxter(settings: Settings) -> BaxterResult:
     """Run the protocol."""
-    from skinmap.io.recordings.image_files import read_images
-    from skinmap.recognition.protocols.baxter import METHODS, evaluate_baxter
-    from skinmap.recognition.protocols.baxter_images import ImageSet, given_images
-    from skinmap.touch.prepared_skin import PreparedSkin
-
     subject: PreparedSkin | ImageSet
     methods = settings.names or tuple(METHODS)
     if settings.recordings:

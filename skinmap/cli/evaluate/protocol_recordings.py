@@ -3,27 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import Evaluation, Folds, Rows, Settings, chosen_gestures
+from skinmap.cli.collection import Collected, Collection, collect
+from skinmap.cli.evaluate.command import Evaluation, Folds, Rows, Settings, chosen_gestures
 from skinmap.errors import InvalidArrayError, check_known
+from skinmap.recognition.classifier import DEFAULT, classifiers
+from skinmap.recognition.protocols.folds import run_repeats
+from skinmap.recognition.protocols.recordings import (
+    KINDS,
+    NAIVE,
+    TOGETHER,
+    Judged,
+    check_spelling,
+    evaluate_recordings,
+    places_of,
+    run_left_out,
+)
 from skinmap.recognition.protocols.results import LeftOutRow, RecordingsResult
 from skinmap.report.result import given
 from skinmap.report.table import Table
 from skinmap.rows import by_class, percent
 
-if TYPE_CHECKING:
-    from skinmap.cli.collection import Collected, Collection
-
 
 def work(settings: Settings) -> RecordingsResult:
     """Judge classifiers on touches that were recorded."""
-    from skinmap.cli.collection import collect
-    from skinmap.recognition.classifier import DEFAULT, classifiers
-    from skinmap.recognition.protocols.recordings import KINDS, evaluate_recordings
-
     collection = collect(settings.recordings, settings.robot, settings.parts)
     only = () if settings.own.gestures in ("four", "all") else _labels(settings)
     chosen = judged_touches(collection, only)
@@ -73,8 +78,6 @@ def judged_touches(collection: Collection, only: Sequence[str]) -> list[Collecte
     UnknownNameError
         A label that nobody recorded.
     """
-    from skinmap.recognition.protocols.recordings import TOGETHER, check_spelling
-
     for one in collection.touches:
         if not one.touch.label.strip():
             raise InvalidArrayError(f"a touch of {one.part!r} in {one.file} has no label")
@@ -94,9 +97,6 @@ def judge_groups(
     settings: Settings, chosen: Sequence[Collected], names: Sequence[str]
 ) -> list[LeftOutRow]:
     """A row for touches dealt out and for each kind of group left out, of each classifier."""
-    from skinmap.recognition.protocols.folds import run_repeats
-    from skinmap.recognition.protocols.recordings import NAIVE, Judged, places_of, run_left_out
-
     touches = tuple(one.touch for one in chosen)
     groups = {
         "session": np.array([one.session for one in chosen]),

@@ -3,19 +3,39 @@
 `skinmap evaluate --protocol physics`: trained in one physics, tested in another.
 
 `skinmap evaluate --protocol time`: names, directions, speeds and counts of touches in time.
+
+How wrong direction and speed of strokes are whose truth is known.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import numpy as np
 
-from skinmap.cli.evaluate.evaluation import Evaluation, Gestures, Rows, Settings, chosen_gestures
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.cli.evaluate.command import Evaluation, Gestures, Rows, Settings, chosen_gestures
 from skinmap.commands.options import open_robot
+from skinmap.live.contacts.contact_motion import MotionBook
+from skinmap.live.contacts.contact_tracker import ContactTracker
+from skinmap.live.robot_skin import JoinedSkin
+from skinmap.physics.pressing import import_mujoco
+from skinmap.physics.variants import DEFAULT, FROZEN, TUNING, VARIANTS
+from skinmap.recognition.protocols import physics
+from skinmap.recognition.protocols.cross_patch import (
+    DEFAULTS,
+    OURS,
+    check_carries_over,
+    cut_patches,
+    score_patches,
+    summarise,
+    touch_patches,
+)
+from skinmap.recognition.protocols.physics import evaluate_in_time, play
 from skinmap.recognition.protocols.results import (
     CrossPatchResult,
     PatchesRow,
@@ -27,9 +47,11 @@ from skinmap.recognition.protocols.results import (
 )
 from skinmap.report.table import Table
 from skinmap.rows import percent
-
-if TYPE_CHECKING:
-    from skinmap.live.contacts.stroke_errors import StrokeError
+from skinmap.skin.checks import twin_parts
+from skinmap.touch.contacts.rest import felt
+from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.recording import Recording, TrueMotion
+from skinmap.touch.simulation.gestures import TIME
 
 
 class CrossPatch(Gestures):
@@ -40,15 +62,6 @@ class CrossPatch(Gestures):
 
 def judge_cross_patch(settings: Settings) -> CrossPatchResult:
     """Run the protocol."""
-    from skinmap.recognition.protocols.cross_patch import (
-        DEFAULTS,
-        check_carries_over,
-        cut_patches,
-        score_patches,
-        summarise,
-        touch_patches,
-    )
-
     names, other = settings.names or DEFAULTS, settings.own.train_robot
     check_carries_over(names)
     gestures = chosen_gestures(settings)
@@ -93,12 +106,6 @@ def cross_patch_lines(result: CrossPatchResult) -> Iterator[str | Table]:
 
 def judge_physics(settings: Settings) -> PhysicsResult:
     """Run the protocol."""
-    from skinmap.physics.pressing import import_mujoco
-    from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
-    from skinmap.recognition.protocols import physics
-    from skinmap.recognition.protocols.cross_patch import check_carries_over
-    from skinmap.touch.prepared_skin import PreparedSkin
-
     if len(settings.names) > 1:
         raise click.UsageError("--protocol physics judges one classifier: name it once")
     import_mujoco()
@@ -150,14 +157,6 @@ def judge_time(settings: Settings) -> TimeResult:
     InvalidArrayError
         Fewer than two parts.
     """
-    from skinmap.live.contacts.stroke_errors import stroke_errors
-    from skinmap.physics.variants import DEFAULT, FROZEN
-    from skinmap.recognition.protocols.cross_patch import OURS
-    from skinmap.recognition.protocols.physics import evaluate_in_time, play
-    from skinmap.skin.checks import twin_parts
-    from skinmap.touch.prepared_skin import PreparedSkin
-    from skinmap.touch.simulation.gestures import TIME
-
     if settings.names:
         raise click.UsageError("--protocol time judges the default classifier: no --classifier")
     gestures = TIME if settings.own.gestures == "four" else chosen_gestures(settings)
@@ -249,3 +248,81 @@ EVALUATIONS = {
     "physics": Evaluation(judge_physics, physics_lines, Gestures),
     "time": Evaluation(judge_time, time_lines, Gestures),
 }
+
+
+STROKES = ("stroke", "slide")
+LEAST = 0.05  # shorter ways are not judged [m]
+LAG = 0.1  # a velocity is compared with the true one of the time before [s]
+
+
+@dataclass(frozen=True, slots=True)
+class StrokeError:
+    """Of one stroke.
+
+    Attributes
+    ----------
+    speed : float
+        Measured over true, less 1; -1 where no motion was seen.
+    direction : float
+        Median angle between velocities and true ones, while it goes [deg]; NaN where none was seen.
+    length : float
+        Measured over true, less 1.
+    within : float
+        Share of the velocities that are wrong by no more than twice their stated error.
+    """
+
+    speed: float
+    direction: float
+    length: float
+    within: float
+
+
+def stroke_errors(skin: PreparedSkin, recording: Recording) -> list[StrokeError]:
+    """Follow every stroke of 5 cm or more, sample by sample, as live; all contacts are its own."""
+    joined, rest = JoinedSkin({skin.skin.part: skin}), recording.rest()
+    found = []
+    for (event, label, samples), own in zip(recording.touches(), recording.rows(), strict=True):
+        truth = recording.motions[event] if recording.motions else None
+        if label not in STROKES or truth is None or truth.length < LEAST:
+            continue
+        rows = felt(samples, rest, skin.geometry.beside).astype(np.float64)
+        found.append(_followed(joined, recording.times[own], rows, truth))
+    return found
+
+
+def _followed(
+    joined: JoinedSkin, times: FloatArray, rows: FloatArray, truth: TrueMotion
+) -> StrokeError:
+    tracker, book = ContactTracker(joined), MotionBook(joined)
+    seen: list[FloatArray] = []
+    for time, pressures in zip(times.tolist(), rows, strict=True):
+        tracker.update(time, pressures)
+        tracks = tracker.present
+        book.update(time, {0: tracks} if tracks else {}, pressures)
+        now = book.motion(0, 0, tracks[0].normal) if tracks else None
+        if now is not None and np.isfinite(now.error):
+            seen.append(np.array([time, *now.velocity, now.error]))
+    if 0 not in book.ways or not seen:
+        return StrokeError(-1.0, float("nan"), -1.0, float("nan"))
+    way, table = book.ways[0], np.array(seen)
+    speed, length = way.speed / truth.speed - 1.0, way.length / truth.length - 1.0
+    true, known = _true_velocities(truth, table[:, 0] - LAG)
+    table, true = table[known], true[known]
+    if len(table) == 0:
+        return StrokeError(speed, float("nan"), length, float("nan"))
+    lengths = np.linalg.norm(table[:, 1:4], axis=1) * np.linalg.norm(true, axis=1)
+    cosine = np.einsum("ij,ij->i", table[:, 1:4], true) / np.maximum(lengths, 1e-12)
+    angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
+    wrong = np.linalg.norm(table[:, 1:4] - true, axis=1)
+    within = float((wrong <= 2.0 * table[:, 4]).mean())
+    return StrokeError(speed, float(np.median(angle)), length, within)
+
+
+def _true_velocities(truth: TrueMotion, at: FloatArray) -> tuple[FloatArray, IntArray]:
+    """True velocities (k, 3) at times (k,), and which of them are of a hand that goes evenly."""
+    middle = 0.5 * (truth.times[1:] + truth.times[:-1])
+    velocity = np.diff(truth.places, axis=0) / np.diff(truth.times)[:, None]
+    found = np.column_stack([np.interp(at, middle, one) for one in velocity.T])
+    speed = np.linalg.norm(found, axis=1)
+    known = (at >= middle[0]) & (at <= middle[-1]) & (speed > 0.5 * truth.speed)
+    return found, np.flatnonzero(known)

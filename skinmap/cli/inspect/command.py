@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from skinmap.cli.inspect.inspect_result import InspectResult, PartRow
-from skinmap.commands.options import open_robot, part_option, prints
+from skinmap.commands.options import open_robot, part_option, prints, word
 from skinmap.report.present import present
 from skinmap.report.result import given
 from skinmap.report.table import Table
@@ -20,25 +20,13 @@ TABLES = (".txt", ".csv", ".json")
 @click.command("inspect")
 @click.argument("robots", nargs=-1, metavar="[ROBOT|TABLE...]")
 @part_option
-@click.option(
-    "--module",
-    metavar="LAYOUT",
-    help="Module layout of a bare table (triangle_10pad, a .toml, a .csv).",
-)
-@click.option(
-    "--skip",
-    "skipped",
-    metavar="STEP",
-    multiple=True,
-    help="Repair step to leave out; may be repeated.",
-)
+@word("--module", "LAYOUT", "Module layout of a bare table (triangle_10pad, a .toml, a .csv).")
 @prints(InspectResult)
 def command(robots: tuple[str, ...], as_json: bool, **asked: Any) -> None:
     """Show the parts of a robot: taxels, repairs, distance to the body, pitch, modules, verdict.
 
     ROBOT is a built-in name (default: icub), the path of a manifest, or one or several bare taxel
     tables; of CySkin files (.json) every fault is named, those that they have together too.
-    Repair steps are units, thermal, collapsed and normals.
 
     \b
     Example:  skinmap inspect icub --part right_forearm --json
@@ -49,24 +37,16 @@ def command(robots: tuple[str, ...], as_json: bool, **asked: Any) -> None:
     present(result, lambda one: [*_lines(one), _next(one, names)], as_json=as_json)
 
 
-def work(
-    robots: tuple[str, ...], parts: tuple[str, ...], module: str | None, skipped: tuple[str, ...]
-) -> InspectResult:
+def work(robots: tuple[str, ...], parts: tuple[str, ...], module: str | None) -> InspectResult:
     """Measure all parts."""
-    from skinmap.cli.inspect.inspection import (
-        file_faults_of,
-        inspect_part,
-        inspect_table,
-        repair_steps,
-    )
+    from skinmap.cli.inspect.inspection import file_faults_of, inspect_part, inspect_table
 
-    steps = repair_steps(skipped)
     tables = list(dict.fromkeys(Path(robot) for robot in robots))
     if all(path.suffix.lower() in TABLES for path in tables):
         if parts:
             raise click.UsageError(f"--part is for a robot; {robots[0]} is a bare table")
         faults = file_faults_of(tables)
-        rows = [inspect_table(path, module, steps, faults.get(path, ())) for path in tables]
+        rows = [inspect_table(path, module, faults.get(path, ())) for path in tables]
         name = ", ".join(path.name for path in tables)
     elif len(robots) > 1:
         raise click.UsageError("several tables, or one robot: not " + " ".join(robots)[:200])
@@ -74,7 +54,6 @@ def work(
         raise click.UsageError(f"--module is for bare tables; {robots[0]} is a robot")
     else:
         loaded, names = open_robot(robots[0], parts)
-        loaded.steps = steps
         rows = [inspect_part(loaded, name) for name in names]
         name = loaded.name
     taxels = sum(row.taxels for row in rows)

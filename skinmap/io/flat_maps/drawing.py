@@ -9,14 +9,13 @@ drawn takes twelve.
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
-from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning
+from skinmap.errors import DataFormatError, InvalidArrayError, warn
 from skinmap.io.text import parse_floats, parse_whole, read_text
 from skinmap.skin.layouts import BUILTIN
 
@@ -155,7 +154,7 @@ def read_drawing(path: Path) -> Drawing:
     if not channels:
         raise DataFormatError(f"nothing to place: {'; '.join(notes) or 'no module'}", path)
     if notes:
-        warnings.warn(f"{path}: left out {'; '.join(notes)}", SkinWarning, stacklevel=2)
+        warn(f"{path}: left out {'; '.join(notes)}")
     numbers = np.concatenate(channels)
     return Drawing(
         numbers, numbers // CHANNELS_PER_ID, np.concatenate(places), tuple(placed), notes

@@ -14,7 +14,7 @@ from skinmap.flat.flat_map import FlatMap
 from skinmap.flat.seams import path_along
 from skinmap.geometry.topology import edges
 from skinmap.io.recordings.touch_files import load_recordings
-from skinmap.io.text import check_file
+from skinmap.io.text import check_file, read_text
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.contacts.rest import felt
 from skinmap.touch.contacts.skin_geometry import connected, padded_neighbours, pressed
@@ -146,12 +146,8 @@ def read_cuts(path: Path, meshes: Mapping[str, SurfaceMesh]) -> dict[str, IntArr
 def _lines(path: Path) -> Sequence[tuple[int, IntArray]]:
     """The paths of a file: number of the line, channels (k,)."""
     check_file(path, "a file of channels", MAX_BYTES)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise DataFormatError("not a text file of channels", path) from error
     found = []
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(read_text(path).splitlines(), 1):
         words = [word for word in re.split(r"[\s,]+", line.partition("#")[0]) if word]
         if not words:
             continue

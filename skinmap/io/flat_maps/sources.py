@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -10,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
+from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError, warn
 from skinmap.flat.mesh_charts import mesh_surface
 from skinmap.io.flat_maps.drawing import Drawing, read_drawing
 from skinmap.io.robots.mesh_file import read_mesh
@@ -107,7 +106,7 @@ def check_others(
         raise UnknownNameError(f"flat maps in the files of {title} (CySkin):", THEIRS, ())
     for name, what, some in ((DRAWING, "drawing", drawn), (THEIRS, "tactile map", theirs)):
         if name in names and (without := sorted({*sources} - {*some})):
-            warnings.warn(f"no {what} of {', '.join(without)}", SkinWarning, stacklevel=2)
+            warn(f"no {what} of {', '.join(without)}")
 
 
 def read_tactile_maps(paths: Sequence[Path], count: int | None = None) -> dict[str, Drawing]:
@@ -146,9 +145,7 @@ def read_tactile_maps(paths: Sequence[Path], count: int | None = None) -> dict[s
         why = f"only of another skin: {', '.join(left)}" if left else "a skin without tactile maps"
         raise DataFormatError(why, paths[0])
     if left:
-        warnings.warn(
-            f"left out maps of another skin: {', '.join(left)}", SkinWarning, stacklevel=2
-        )
+        warn(f"left out maps of another skin: {', '.join(left)}")
     return {name: _joined(own) for name, own in pieces.items()}
 
 

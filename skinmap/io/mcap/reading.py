@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinError
-from skinmap.io.mcap.file_overview import NAME, Overview, OverviewMaker
 from skinmap.io.mcap.mcap_scan import (
     CONTENT,
     DAMAGED,
@@ -45,16 +44,19 @@ from skinmap.io.mcap.writing import (
 )
 from skinmap.io.recordings.recorded_stream import (
     NS,
+    OVERVIEW,
     Kind,
     Loss,
     MarkedTouch,
+    Overview,
     RecordedStream,
     StreamInfo,
     measured_rate,
     nanoseconds_of,
+    overview_of,
     seconds_of,
 )
-from skinmap.io.ros2 import message_types as ros2
+from skinmap.io.ros2 import messages as ros2
 from skinmap.io.ros2.messages import read_joints, read_text, text_message
 from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED
 from skinmap.io.taxels.taxel_table import parse_csv
@@ -293,7 +295,7 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
             if isinstance(count, int)
         },
         manifest=head.get("manifest", ""),
-        overview=Overview.parse(index.found.attachments.get(NAME, b""), parts),
+        overview=Overview.parse(index.found.attachments.get(OVERVIEW, b""), parts),
     )
 
 
@@ -515,21 +517,8 @@ def write_repaired(path: Path, output: Path) -> RecordedStream:
     with _copied(index, head, output) as (writer, numbers):
         _copy(writer, index, numbers)
         words = {ros2.BAG_METADATA: {ros2.BAG_KEY: ros2.bag_metadata(output.name, _facts(index))}}
-        writer.finish(words, _overview(track, track.touches))
+        writer.finish(words, overview_of(track, track.touches))
     return track
-
-
-def _overview(track: RecordedStream, touches: Sequence[MarkedTouch]) -> bytes:
-    """The overview of a recording with these touches, by its own samples where it has none."""
-    made = track.overview
-    if made is None:
-        maker = OverviewMaker(track.info.widths, track.kind == "raw")
-        for rows, values in track.blocks():
-            for time, row in zip(track.times[rows].tolist(), values, strict=True):
-                maker.add(time, row)
-        made = maker.overview()
-    began = [(track.parts.index(one.part), float(track.times[one.first])) for one in touches]
-    return made.marked(began).to_bytes(track.parts)
 
 
 def write_marked(path: Path, output: Path, touches: Sequence[MarkedTouch]) -> None:
@@ -557,7 +546,7 @@ def write_marked(path: Path, output: Path, touches: Sequence[MarkedTouch]) -> No
             began, ended = track.times[[one.first, one.last]].tolist()
             stamp, text = mark_text(one, began, ended, head)
             writer.add_message(place, stamp, text.encode() if bare else text_message(text), 0)
-        writer.finish(overview=_overview(track, touches))
+        writer.finish(overview=overview_of(track, touches))
 
 
 @contextmanager
@@ -571,7 +560,7 @@ def _copied(
             writer.add_metadata(METADATA, head)
             numbers = _channels(writer, index, head)
             for name, data in sorted(index.found.attachments.items()):
-                if name in (NAME, WHOLE):
+                if name in (OVERVIEW, WHOLE):
                     continue  # of the other file
                 writer.add_attachment(name, "text/csv", data)
             yield writer, numbers

@@ -23,16 +23,18 @@ from numpy.typing import NDArray
 
 from skinmap import __version__
 from skinmap.errors import OutputError, SkinMismatchError
-from skinmap.io.mcap.file_overview import NAME, OverviewMaker
 from skinmap.io.mcap.mcap_scan import WHOLE
 from skinmap.io.recordings.recorded_stream import (
+    OVERVIEW,
     Kind,
     MarkedTouch,
+    OverviewMaker,
     RecordedStream,
+    StreamInfo,
     nanoseconds_of,
     whole_counts,
 )
-from skinmap.io.ros2 import message_types as ros2
+from skinmap.io.ros2 import messages as ros2
 from skinmap.io.ros2.messages import TouchMarker, joints_message, text_message
 from skinmap.io.ros2.robot_topics import JOINT_STATES, LATCHED, TYPES, RobotTopics, RobotView
 from skinmap.io.taxels.taxel_table import csv_text
@@ -153,7 +155,7 @@ class McapWriter:
                 for name, content in (metadata or {}).items():
                     self._writer.add_metadata(name, dict(content))
                 if overview is not None:
-                    self.add_attachment(NAME, "text/csv", overview)
+                    self.add_attachment(OVERVIEW, "text/csv", overview)
                     whole = {"bytes": self._sink.size, "crc32": self._sink.checksum}
                     self.add_attachment(WHOLE, "application/json", json.dumps(whole).encode())
                 self._writer.finish()
@@ -528,6 +530,16 @@ class McapRecording:
                 f"cannot go on writing {str(self.path)!r}: {error.strerror}; the written "
                 f"part stays readable"
             ) from None
+
+
+def said_of(info: StreamInfo, robot: Robot | None) -> dict[str, Any]:
+    """What a `McapRecording` takes of a stream, and of the robot whose skin it is, if known."""
+    found = {name: getattr(info, name) for name in ("parts", "rate", "name", "robot", "clock")}
+    found["fingerprints"] = info.fingerprints
+    if robot is not None:
+        found["robot"], found["manifest"] = info.robot or robot.name, robot.origin
+        found["skins"] = {part: robot.skin(part) for part in info.parts}
+    return found
 
 
 def mark_text(

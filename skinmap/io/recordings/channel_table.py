@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import re
-import warnings
 from array import array
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,8 +17,8 @@ from numpy.typing import NDArray
 
 from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning
-from skinmap.io.recordings.mapping import Mapping, needed_mapping
+from skinmap.errors import DataFormatError, InvalidArrayError, warn
+from skinmap.io.recordings.touch_files import Mapping, needed_mapping
 from skinmap.io.robots.manifest import load_robot
 from skinmap.io.text import DECIMAL_COMMA, MAX_CHANNEL, check_file
 from skinmap.skin.robot import Robot
@@ -138,11 +137,7 @@ def _check_scale(counts: FloatArray, mapping: Mapping, path: Path) -> None:
         wrong = f"it never reads less than {rest:.0f} counts, as if all of it were touched"
     else:
         return
-    warnings.warn(
-        f"{path.name}: {wrong}; see rest_percentile, full_scale and falling of its mapping",
-        SkinWarning,
-        stacklevel=2,
-    )
+    warn(f"{path.name}: {wrong}; see rest_percentile, full_scale and falling of its mapping")
 
 
 def _check(table: ChannelTable, path: Path) -> None:
@@ -168,7 +163,7 @@ def _check(table: ChannelTable, path: Path) -> None:
     step = float(np.median(np.diff(table.times))) if len(table.times) > 1 else 0.0
     if step >= SLOW:
         message = f"{path.name}: a sample every {step:.4g} s; see time_unit of its mapping"
-        warnings.warn(message, SkinWarning, stacklevel=3)
+        warn(message, above=1)
     twice = [number for number, count in Counter(table.channels.tolist()).items() if count > 1]
     if twice:
         named = ", ".join(map(str, twice[:FEW]))
@@ -214,11 +209,9 @@ def _places(numbers: IntArray, channels: IntArray, path: Path) -> tuple[IntArray
     if idle or lost:
         shifted = channels.min() == 1 and numbers.min() == 0 and len(channels) == len(numbers)
         cause = "; its channels may count from 1: name them from 0 in `channels`" if shifted else ""
-        warnings.warn(
+        warn(
             f"{path.name}: {lost} channels without a place were left out, {idle} places without "
-            f"a channel rest at zero{cause}",
-            SkinWarning,
-            stacklevel=2,
+            f"a channel rest at zero{cause}"
         )
     return rows, found[rows]
 

@@ -6,7 +6,6 @@ values are given as they are. A folder may hold one folder a part, each with its
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Container, Mapping
 from pathlib import Path
 from typing import Any
@@ -15,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
+from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError, warn
 from skinmap.io.recordings.recorded_stream import (
     Kind,
     Loss,
@@ -232,11 +231,10 @@ def at_shared_times(
         inside = (reference > first) & (reference < last)
         if (silent & (inside | (reference < first - APART) | (reference > last + APART))).any():
             since = reference[np.flatnonzero(silent)[0]] - reference[0]
-            warnings.warn(
+            warn(
                 f"{path.name}: {part!r} sent nothing at {silent.sum()} of {len(silent)} samples, "
                 f"first {since:.2f} s from the beginning; they are left out of all parts",
-                SkinWarning,
-                stacklevel=4,
+                above=2,
             )
     return reference[known], [ordered[part][1][rows[known]] for part, (rows, _) in held.items()]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +14,11 @@ from scipy.ndimage import minimum_filter1d
 from skinmap.archive import read_arrays
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
 from skinmap.errors import DataFormatError, InvalidArrayError, MessageError
+from skinmap.io.mcap.reading import Content, Index, Messages, read_track
+from skinmap.io.mcap.writing import METADATA
+from skinmap.io.ros2.messages import nanoseconds_of, read
 from skinmap.io.text import check_file
 from skinmap.touch.load_calibration import rate_of_times
-
-if TYPE_CHECKING:
-    from skinmap.io.mcap.reading import Content, Messages
 
 PRESSURES = {"pressure_bar": 1.0, "pressure_kpa": 1e-2, "pressure_pa": 1e-5}
 FORCES = {"mass_kg": 9.80665, "stand": 9.80665, "force_n": 1.0}
@@ -272,9 +272,6 @@ def _messages(path: Path) -> dict[str, NDArray[Any]]:
     Messages with a header have its time, others the time at which they were recorded. A
     `FluidPressure` far from zero is absolute, and counts from its lowest reading.
     """
-    from skinmap.io.mcap.reading import Content, Index, read_track
-    from skinmap.io.mcap.writing import METADATA
-
     index = Index(path)
     if METADATA in index.found.metadata:
         track = read_track(path)
@@ -312,8 +309,6 @@ def _columns(
     content: Content, messages: Messages, kind: str, path: Path
 ) -> tuple[FloatArray, NDArray[Any]]:
     """Times (t,) [s] and values (t, ...) of the messages of one topic, in the order of time."""
-    from skinmap.io.ros2.message_types import nanoseconds_of, read
-
     stamps, rows = [], []
     for row in messages.order().tolist():
         try:

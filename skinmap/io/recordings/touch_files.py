@@ -1,11 +1,19 @@
-"""Labelled recordings by the suffix of their file: ours (.npz, .mcap), and by plug-ins others'."""
+"""Labelled recordings by the suffix of their file: ours (.npz, .mcap), and by plug-ins others'.
+
+What a foreign recording is of says a mapping: a few lines of TOML beside it.
+"""
 
 from __future__ import annotations
 
+import tomllib
+import zipfile
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Annotated, Literal
 
+import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
@@ -21,9 +29,9 @@ from skinmap.errors import (
 )
 from skinmap.io.mcap.mcap_scan import scan_summary
 from skinmap.io.mcap.reading import Index, read_head, read_track
-from skinmap.io.mcap.writing import McapRecording
+from skinmap.io.mcap.writing import McapRecording, said_of
 from skinmap.io.recordings.dumper import PartLog, read_dump, read_logs
-from skinmap.io.recordings.mapping import find_mapping, is_own_archive, needed_mapping
+from skinmap.io.recordings.learning import track_of_arrays
 from skinmap.io.recordings.recorded_stream import (
     RecordedStream,
     StreamInfo,
@@ -32,12 +40,166 @@ from skinmap.io.recordings.recorded_stream import (
     touches_of,
     warn_of_loss,
 )
+from skinmap.io.recordings.xdf import read_xdf, read_xdf_parts
 from skinmap.io.robots.manifest import builtin_named
-from skinmap.io.text import is_file
+from skinmap.io.ros2.bag import is_bag, is_mapped, read_bag, read_bag_parts, robot_of_bag, whole
+from skinmap.io.text import is_file, read_text
 from skinmap.registry import Registry
 from skinmap.skin.robot import Robot
 from skinmap.touch import recording as archive
 from skinmap.touch.recording import Recording
+from skinmap.validation import checked
+
+NAME = "mapping.toml"  # for all recordings of its folder and of the folders inside
+LEVELS = 3  # folders above a recording in which it is looked for
+Positive = Annotated[float, msgspec.Meta(gt=0)]
+
+
+class Mapping(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """Which skin was recorded, and how its values read.
+
+    Attributes
+    ----------
+    robot, part : str
+        What `skinmap.load_robot` takes; a manifest's path begins at the mapping file.
+    format : str, optional
+        Where the suffix does not tell: a name of the recording formats.
+    time : str
+        Column of the times.
+    time_unit : {"s", "ms", "us"}, optional
+        Seconds where nothing is stated.
+    rate_hz : float, optional
+        Samples a second where there is no column of times.
+    columns : tuple of str
+        Names of the columns of a table without a header.
+    channels : dict of str to int
+        Channel of the skin by column; by the number in the column's name where it is empty.
+    rest_percentile : float, optional
+        Share of the time that a channel rests [%]: what it reads then is taken away.
+    full_scale : float
+        Value above rest that is a pressure of 255.
+    falling : bool
+        Whether values fall under load.
+    label, person, session : str
+        Of all touches of the file.
+    label_column, person_column, session_column, event_column : str, optional
+        Columns that say so for each sample.
+    label_from : {"folder", "name"}, optional
+        The label is the name of the file's folder, or its own.
+    """
+
+    robot: str
+    part: str
+    format: str | None = None
+    time: str = "time"
+    time_unit: Literal["s", "ms", "us"] | None = None
+    rate_hz: Positive | None = None
+    columns: tuple[str, ...] = ()
+    channels: dict[str, Annotated[int, msgspec.Meta(ge=0)]] = {}
+    rest_percentile: Annotated[float, msgspec.Meta(ge=0, le=100)] | None = None
+    full_scale: Positive = 255.0
+    falling: bool = False
+    label: str = ""
+    person: str = ""
+    session: str = ""
+    label_column: str | None = None
+    person_column: str | None = None
+    session_column: str | None = None
+    event_column: str | None = None
+    label_from: Literal["folder", "name"] | None = None
+
+    def label_of(self, path: Path) -> str:
+        """The label that all samples of a file have; empty where none is said."""
+        if self.label_from is None:
+            return self.label
+        return path.parent.name if self.label_from == "folder" else path.stem
+
+
+def find_mapping(path: Path) -> Mapping | None:
+    """The mapping of a recording, None where there is none.
+
+    It is `NAME.toml` beside it, else the `robot` and `part` inside a mended copy, else the nearest
+    `mapping.toml` of the folders above it.
+
+    Raises
+    ------
+    DataFormatError
+        One that is damaged (says what and where).
+    """
+    beside = path.with_suffix(".toml")
+    if is_file(beside) and "[robot]" not in read_text(beside):  # a manifest beside its taxels
+        return read_mapping(beside)
+    if (inside := _mapping_inside(path)) is not None:
+        return inside
+    for folder in path.absolute().parents[:LEVELS]:
+        if is_file(folder / NAME):
+            found = read_mapping(folder / NAME)
+            return None if is_own_archive(path) else found
+    return None
+
+
+def _mapping_inside(path: Path) -> Mapping | None:
+    """The mapping of a mended copy, which holds its robot and part as one word each."""
+    if path.suffix.lower() != ".npz" or not is_file(path) or is_own_archive(path):
+        return None
+    with open_arrays(path, "an NPZ of channels over time") as arrays:
+        if not {"robot", "part", "samples", "mended"} <= set(arrays):
+            return None
+        named = arrays["robot"], arrays["part"]
+        if any(one.dtype.kind != "U" or one.size != 1 for one in named):
+            return None
+        return Mapping(str(named[0].item()), str(named[1].item()))
+
+
+def needed_mapping(path: Path) -> Mapping:
+    """The mapping of a file that says nothing of its skin.
+
+    Raises
+    ------
+    MissingFileError
+        There is none.
+    """
+    found = find_mapping(path)
+    if found is None:
+        raise MissingFileError(
+            path.with_suffix(".toml"),
+            f"a mapping that names the robot and the part of {path.name}, or {NAME} in its folder",
+        )
+    return found
+
+
+def is_own_archive(path: Path) -> bool:
+    """Whether a .npz is a Skinmap recording, or a damaged archive."""
+    if path.suffix.lower() != ".npz":
+        return False
+    try:
+        with zipfile.ZipFile(path) as whole:
+            return not {"about.npy", "head.npy"}.isdisjoint(whole.namelist())
+    except (OSError, zipfile.BadZipFile):
+        return True
+
+
+def read_mapping(path: Path) -> Mapping:
+    """A mapping file.
+
+    Raises
+    ------
+    MissingFileError, DataFormatError
+        No such file, no TOML, or keys that are wrong.
+    """
+    try:
+        table = tomllib.loads(read_text(path))
+    except (ValueError, RecursionError) as error:  # huge numbers, deep nests are no TOML errors
+        raise DataFormatError(f"not a mapping of a recording: {error}", path) from None
+    if isinstance(table.get("robot"), dict):
+        raise DataFormatError("is a manifest, not a mapping of a recording", path)
+    fail = partial(DataFormatError, path=path)
+    found = checked(table, Mapping, what="the mapping", fail=fail)
+    if found.robot.endswith(".toml"):
+        place = str(path.absolute().parent / found.robot)
+        return msgspec.structs.replace(found, robot=place)
+    return found
+
 
 SUFFIXES = (".npz", ".mcap")
 HOW = "`skinmap export FILE -o touches.npz` and a mapping make one of others' files"
@@ -95,8 +257,6 @@ def exported_track(path: Path) -> RecordedStream | None:
     DataFormatError
         Neither of the two.
     """
-    from skinmap.io.recordings.learning import track_of_arrays
-
     with open_arrays(path, "a Skinmap recording") as arrays:
         if "about" in arrays:
             return track_of_arrays(arrays, path)
@@ -177,12 +337,8 @@ def save_recordings(
     track = track_of(recordings, path)
     McapRecording(
         path,
-        parts=track.parts,
+        **said_of(replace(track.info, name="", fingerprints={}), robot),
         widths={"pressure": track.info.widths},
-        rate=track.info.rate,
-        robot="" if robot is None else robot.name,
-        manifest="" if robot is None else robot.origin,
-        skins={} if robot is None else {part: robot.skin(part) for part in track.parts},
         samples=track.samples,
         chunk_seconds=SAVED_CHUNK,
     ).add_all(track)
@@ -326,8 +482,6 @@ def readable() -> tuple[str, ...]:
 
 def is_readable(path: Path) -> bool:
     """Whether a file in a folder is a recording: one of ours, or one with a mapping beside it."""
-    from skinmap.io.ros2.bag import is_mapped
-
     return path.suffix.lower() in SUFFIXES or is_mapped(path) or is_foreign(path)
 
 
@@ -352,8 +506,6 @@ def read_recordings(path: Path, format: str | None = None) -> list[Recording]:
     UnknownNameError
         A suffix or a format that no reader has.
     """
-    from skinmap.io.ros2.bag import whole
-
     path = whole(path)
     if format is None and path.exists() and (track := read_streams(path)) is not None:
         return recordings_of(warn_of_loss(track, path), path)
@@ -383,14 +535,10 @@ def part_logs(path: Path) -> dict[str, PartLog] | None:
     MissingFileError, DataFormatError, UnknownNameError
         No such file, no mapping of a bag, or one that does not follow its format.
     """
-    from skinmap.io.ros2.bag import is_bag, read_bag_parts, whole
-
     path, suffix = whole(path), path.suffix.lower()
     if is_bag(path):
         return read_bag_parts(path)
     if suffix == ".xdf":
-        from skinmap.io.recordings.xdf import read_xdf_parts
-
         return read_xdf_parts(path)
     return read_logs(path) if path.is_dir() or suffix == ".log" else None
 
@@ -400,14 +548,10 @@ def read_streams(path: Path, robot: Robot | None = None) -> RecordedStream | Non
 
     Arguments and errors as those of `part_logs`, `read_xdf` and `read_dump`.
     """
-    from skinmap.io.ros2.bag import is_bag, read_bag
-
     suffix = path.suffix.lower()
     if is_bag(path):
         return read_bag(path)
     if suffix == ".xdf":
-        from skinmap.io.recordings.xdf import read_xdf
-
         return read_xdf(path, robot=robot)
     return read_dump(path, robot=robot) if path.is_dir() or suffix == ".log" else None
 
@@ -420,8 +564,6 @@ def recorded_robot(path: Path) -> str:
     MissingFileError, DataFormatError
         No such file, or a damaged one.
     """
-    from skinmap.io.ros2.bag import is_bag, robot_of_bag, whole
-
     path = whole(path)
     if is_bag(path):
         return robot_of_bag(path)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, SkinWarning, UnknownNameError
+from skinmap.errors import DataFormatError, UnknownNameError, warn
 from skinmap.io.recordings.dumper import PartLog, at_shared_times
 from skinmap.io.recordings.recorded_stream import (
     Kind,
@@ -256,11 +256,10 @@ def _described_parts(streams: list[Any], path: Path) -> tuple[dict[str, PartLog]
         told.rates |= dict.fromkeys(info.parts, _nominal_rate(stream))
         told.fingerprints |= info.fingerprints
     if left_out:
-        warnings.warn(
+        warn(
             f"{path.name}: streams of another kind or robot, or of the same parts, were left out: "
             + "; ".join(left_out),
-            SkinWarning,
-            stacklevel=5,
+            above=3,
         )
     return None if told is None else (parts, told)
 

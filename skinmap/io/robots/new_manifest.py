@@ -223,16 +223,6 @@ def in_question(found: Sequence[Candidate], questions: Collection[str]) -> list[
     ]
 
 
-@dataclass(frozen=True, slots=True)
-class NewPart:
-    """A part to be written: its name, its table's file, unit and link."""
-
-    name: str
-    taxels: Path
-    units: str
-    link: str
-
-
 def part_names(files: Sequence[Path]) -> list[str]:
     """A name for each table: its file's, with its folder's where two files have one name."""
     stems = [file.stem for file in files]
@@ -247,7 +237,7 @@ def part_names(files: Sequence[Path]) -> list[str]:
 
 
 def write_manifest(
-    output: Path, body: UrdfBody, units: str, parts: Sequence[NewPart], *, force: bool = False
+    output: Path, body: UrdfBody, units: str, parts: Mapping[Path, Candidate], *, force: bool
 ) -> list[str]:
     """Write a manifest, and copies beside it of what lies elsewhere; all of it or nothing.
 
@@ -259,7 +249,7 @@ def write_manifest(
         Of a URDF or of one mesh.
     units : str
         Of the mesh; a URDF has its own.
-    parts : sequence of NewPart
+    parts : mapping of Path to Candidate
     force : bool
         Whether copies replace files that are there.
 
@@ -277,19 +267,19 @@ def write_manifest(
     """
     folder = output.parent
     beside = _Beside(folder)
-    for part in parts:
+    for part in parts.values():
         body.mesh(part.link)
-    taxels = [beside.place(part.taxels, part.name + part.taxels.suffix) for part in parts]
+    taxels = [beside.place(file, one.part + file.suffix) for file, one in parts.items()]
     if isinstance(body, MeshBody):
         own = [f"mesh = {_text(beside.place_mesh(body.path))}", f"units = {_text(units)}"]
     else:
         own = [f"urdf = {_text(beside.place_urdf(body))}"]
     lines = ["[robot]", f"name = {_text(robot_name(body))}", *own]
-    for part, table in zip(parts, taxels, strict=True):
+    for part, table in zip(parts.values(), taxels, strict=True):
         lines += [
             "",
             "[[part]]",
-            f"name = {_text(part.name)}",
+            f"name = {_text(part.part)}",
             f"link = {_text(part.link)}     # the frame that the positions are in",
             f"taxels = {_text(table)}",
             f"units = {_text(part.units)}",

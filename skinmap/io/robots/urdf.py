@@ -7,8 +7,7 @@ import than a skin takes to be laid flat; the tests hold poses and shapes to suc
 from __future__ import annotations
 
 import os
-import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,9 +20,9 @@ from skinmap.errors import (
     ForbiddenPathError,
     MissingFileError,
     SkinError,
-    SkinWarning,
     UnknownNameError,
     check_known,
+    warn,
 )
 from skinmap.geometry.rigid import check_transform, rpy_matrix, transform_points
 from skinmap.geometry.triangles import TriangleMesh
@@ -93,12 +92,12 @@ class UrdfBody:
     @property
     def joints(self) -> dict[str, tuple[float, float]]:
         """Lower and upper limit [rad or m] of each joint that moves."""
-        return {one.name: one.limits or (-np.inf, np.inf) for one in self._moved}
+        return {name: limits for name, (_, limits) in self._moved.items()}
 
     @property
     def sliding_joints(self) -> frozenset[str]:
         """Joints that slide instead of turning: theirs are lengths [m]."""
-        return frozenset(one.name for one in self._moved if one.kind == "prismatic")
+        return frozenset(name for name, (kind, _) in self._moved.items() if kind == "prismatic")
 
     @property
     def tree(self) -> dict[str, Joint]:
@@ -239,7 +238,7 @@ def _packages(name: str, urdf: Path) -> Iterator[Path]:
 
 
 def _warn(text: str) -> None:
-    warnings.warn(text, SkinWarning, stacklevel=2)  # shown once, whoever asks for the mesh
+    warn(text)  # shown once, whoever asks for the mesh
 
 
 class MeshBody(UrdfBody):
@@ -263,7 +262,7 @@ class MeshBody(UrdfBody):
             raise MissingFileError(path, "a mesh file")
         self.path, self.scale, self.inside = path, scale, None
         self._links = {BODY: Link((Shape("mesh", np.eye(4), np.array([scale]), path.name),))}
-        self._tree, self._moved = {}, []
+        self._tree, self._moved = {}, {}
 
     def _metres(self, mesh: Path) -> float:
         return 1.0  # `scale` holds the unit
@@ -437,13 +436,8 @@ class Link:
     visual: bool = True
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Movable:
-    """The name and kind ("revolute", ...) of a joint, and its limits [rad or m] where both are."""
-
-    name: str
-    kind: str
-    limits: tuple[float, float] | None
+# Of a joint that is moved, its kind ("revolute", ...) and its limits [rad or m].
+Movable = tuple[str, tuple[float, float]]
 
 
 def read_links(root: Any) -> dict[str, Link]:
@@ -451,16 +445,15 @@ def read_links(root: Any) -> dict[str, Link]:
     return {element.get("name"): _link(element) for element in children(root, "link")}
 
 
-def read_joints(root: Any) -> tuple[dict[str, Joint], list[Movable]]:
+def read_joints(root: Any) -> tuple[dict[str, Joint], dict[str, Movable]]:
     """The joint above each link but the root, and the joints that are moved, in their order."""
     elements = children(root, "joint")
-    moved = [
-        Movable(element.get("name"), element.get("type"), _limits(element))
+    moved = {
+        element.get("name"): (element.get("type"), _limits(element))
         for element in elements
         if element.get("type") in KINDS and not children(element, "mimic")
-    ]
-    names = {one.name for one in moved}
-    joints = {_said(element, "child", "link"): _joint(element, names) for element in elements}
+    }
+    joints = {_said(element, "child", "link"): _joint(element, moved) for element in elements}
     return joints, moved
 
 
@@ -496,7 +489,7 @@ def _shape(visual: Any) -> Shape:
     return Shape(kind, place, np.zeros(0))  # refused when it is asked for: others may be sound
 
 
-def _joint(element: Any, moved: set[str]) -> Joint:
+def _joint(element: Any, moved: Collection[str]) -> Joint:
     kind = KINDS.get(element.get("type"), "fixed")
     name, factor, offset = element.get("name"), 1.0, 0.0
     driver = _said(element, "mimic", "joint", name)
@@ -515,9 +508,10 @@ def _joint(element: Any, moved: set[str]) -> Joint:
     )
 
 
-def _limits(element: Any) -> tuple[float, float] | None:
+def _limits(element: Any) -> tuple[float, float]:
     lower, upper = (_said(element, "limit", end) for end in ("lower", "upper"))
-    return None if lower is None or upper is None else (float(lower), float(upper))
+    known = lower is not None and upper is not None
+    return (float(lower), float(upper)) if known else (-np.inf, np.inf)
 
 
 def _origin(element: Any) -> FloatArray:

@@ -5,9 +5,8 @@ The mapping of `run1` (a folder), `run1.mcap` or `run1.db3` is `run1.map.toml` b
 
 from __future__ import annotations
 
-import warnings
 from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -16,14 +15,13 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray
-from skinmap.errors import DataFormatError, MissingFileError, SkinWarning, UnknownNameError
-from skinmap.io.mcap.writing import McapRecording
+from skinmap.arrays import FloatArray, IntArray
+from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError, warn
+from skinmap.io.mcap.writing import McapRecording, said_of
 from skinmap.io.recordings.dumper import PartLog, side_by_side
 from skinmap.io.recordings.recorded_stream import Kind, RecordedStream, seconds_of
 from skinmap.io.robots.manifest import load_robot
-from skinmap.io.ros2.message_types import nanoseconds_of
-from skinmap.io.ros2.messages import points_of
+from skinmap.io.ros2.messages import nanoseconds_of, points_of
 from skinmap.io.text import read_toml
 from skinmap.skin.robot import Robot
 from skinmap.validation import checked, toml_table
@@ -101,11 +99,10 @@ def recordings_under(folder: Path) -> list[Path]:
     several = sorted([*bags, *files])
     bare = [one for one in several if (one in bags or is_bag(one)) and not is_mapped(one)]
     if bare:
-        warnings.warn(
+        warn(
             f"left out: {', '.join(str(one) for one in bare[:3])}{' ...' * (len(bare) > 3)}: bags "
             f"without a mapping file beside them, as {mapping_of(bare[0]).name}",
-            SkinWarning,
-            stacklevel=3,
+            above=1,
         )
     return [one for one in several if one not in bare]
 
@@ -179,21 +176,15 @@ def read_bag_mapping(path: Path) -> _Mapping:
     return mapping
 
 
-@dataclass(slots=True)
-class _Messages:
-    """What a topic brought for a part: times of headers (0 without) and log [ns], and values."""
-
-    said: list[int] = field(default_factory=list)
-    log: list[int] = field(default_factory=list)
-    widths: list[int] = field(default_factory=list)  # before channels are chosen
-    rows: list[NDArray[Any]] = field(default_factory=list)
+# Times of a message by its header (0 without) and the log [ns], its number of values, the chosen.
+_Message = tuple[int, int, int, NDArray[Any]]
 
 
 def _read_topics(bag: Path, mapping: _Mapping) -> dict[str, PartLog]:
     from rosbags.highlevel import AnyReader
     from rosbags.typesys import Stores, get_typestore
 
-    found = {one.name: _Messages() for one in mapping.part}
+    found: dict[str, list[_Message]] = {one.name: [] for one in mapping.part}
     try:
         # Bags of before 2023 hold no definitions: those of Humble are the standard ones.
         humble = get_typestore(Stores.ROS2_HUMBLE)
@@ -207,13 +198,12 @@ def _read_topics(bag: Path, mapping: _Mapping) -> dict[str, PartLog]:
             for connection, stamp, data in reader.messages(chosen):
                 message = reader.deserialize(data, connection.msgtype)
                 head = getattr(message, "header", None)
+                said = 0 if head is None else nanoseconds_of(head)
                 for one in mapping.part:
                     if one.topic == connection.topic:
-                        own, values = found[one.name], _values(message, one, bag)
-                        own.said.append(0 if head is None else nanoseconds_of(head))
-                        own.log.append(stamp)
-                        own.widths.append(len(values))
-                        own.rows.append(_chosen(values, one))
+                        values = _values(message, one, bag)
+                        row = (said, stamp, len(values), _chosen(values, one))
+                        found[one.name].append(row)
     except (UnknownNameError, DataFormatError):
         raise
     except Exception as error:  # rosbags, SQLite and decompressors raise their own kinds
@@ -271,41 +261,40 @@ def _image_row(message: Any, one: _Topic, bag: Path) -> NDArray[Any]:
     return np.asarray(pixels[:, which])
 
 
-def _stacked(one: _Topic, found: _Messages, clock: str, bag: Path) -> PartLog:
+def _stacked(one: _Topic, found: list[_Message], clock: str, bag: Path) -> PartLog:
     """Samples of a part in the order of the log; messages that are none are left out and named."""
     part = one.name
-    if not found.rows:
+    if not found:
         raise DataFormatError(f"no message of {part!r}", bag)
-    width, count = Counter(found.widths).most_common(1)[0]
-    if 2 * count <= len(found.widths) or not 0 < width <= MAX_CHANNELS:
-        raise DataFormatError(f"samples of {part!r} have {sorted(set(found.widths))} values", bag)
+    said, log, widths, rows = zip(*found, strict=True)
+    width, count = Counter(widths).most_common(1)[0]
+    if 2 * count <= len(widths) or not 0 < width <= MAX_CHANNELS:
+        raise DataFormatError(f"samples of {part!r} have {sorted(set(widths))} values", bag)
     if one.channels is not None and max(one.channels) >= width:
         raise DataFormatError(f"channel {max(one.channels)} of {one.topic}, it has {width}", bag)
-    sound = np.array(found.widths) == width
-    values = np.array([row for row, fits in zip(found.rows, sound, strict=True) if fits])
+    sound = np.array(widths) == width
+    values = np.array([row for row, fits in zip(rows, sound, strict=True) if fits])
     finite = np.isfinite(values).all(axis=1)
     if not finite.any():
         raise DataFormatError(f"samples of {part!r} hold NaN or infinity", bag)
     sound[sound] = finite
-    stamps = _stamps(part, found, clock, bag)
+    stamps = _stamps(part, np.array(said), np.array(log), clock, bag)
     if not sound.all():
         first = int(np.flatnonzero(~sound)[0])
-        warnings.warn(
+        warn(
             f"{bag.name}: {(~sound).sum()} of {len(sound)} messages of {part!r} hold NaN, infinity "
             f"or another number of values and were left out, first message {first}, "
             f"{stamps[first] - stamps[0]:.2f} s from the beginning",
-            SkinWarning,
-            stacklevel=5,
+            above=3,
         )
     return stamps[sound], values[finite], ""
 
 
-def _stamps(part: str, found: _Messages, clock: str, bag: Path) -> FloatArray:
+def _stamps(part: str, said: IntArray, log: IntArray, clock: str, bag: Path) -> FloatArray:
     """Times (t,) [s] of all messages by one clock: their headers' where all are set, or the log's.
 
     A log's own times may be those of another clock, so that none stands among a header's.
     """
-    said, log = np.array(found.said), np.array(found.log)
     if log.min() < 0:
         raise DataFormatError(f"messages of {part!r} from before 1970", bag)
     if clock == "log" or not said.any():
@@ -314,10 +303,9 @@ def _stamps(part: str, found: _Messages, clock: str, bag: Path) -> FloatArray:
     if not unset and (len(said) == 1 or said.min() < said.max()):
         return seconds_of(said.astype(np.uint64))
     wrong = f"{unset} of {len(said)} are not set" if unset else "all are the same"
-    warnings.warn(
+    warn(
         f"{bag.name}: the headers of {part!r} give no times ({wrong}): those of the log are taken",
-        SkinWarning,
-        stacklevel=6,
+        above=4,
     )
     return seconds_of(log.astype(np.uint64))
 
@@ -335,15 +323,8 @@ def write_rosbag2(track: RecordedStream, folder: Path) -> None:
         raise DataFormatError("its times begin before zero", folder)
     recording = McapRecording(
         folder / FILE,
-        parts=track.parts,
+        **said_of(track.info, robot) | {"robot": track.info.robot, "manifest": track.manifest},
         widths={track.kind: track.info.widths},
-        rate=track.info.rate,
-        name=track.info.name,
-        robot=track.info.robot,
-        manifest=track.manifest,
-        clock=track.info.clock,
-        fingerprints=track.info.fingerprints,
-        skins={} if robot is None else {part: robot.skin(part) for part in track.parts},
         samples=track.samples,
         model=robot,
         points_hz=float("inf"),

@@ -10,7 +10,6 @@ no room for: `module`, and `normal` with every bit.
 from __future__ import annotations
 
 import math
-import warnings
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
 from pathlib import Path
@@ -19,13 +18,7 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import (
-    DataFormatError,
-    InvalidArrayError,
-    OutputError,
-    SkinWarning,
-    unknown_name,
-)
+from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, unknown_name, warn
 from skinmap.geometry.rigid import rpy_matrix
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
 from skinmap.io.text import MAX_CHANNEL, digits, parse_floats, parse_whole
@@ -172,7 +165,7 @@ def _numbers(
 
 
 def _warn(message: str, path: Path, element: Any) -> None:
-    warnings.warn(f"{path}:{element.sourceline}: {message}", SkinWarning, stacklevel=4)
+    warn(f"{path}:{element.sourceline}: {message}", above=2)
 
 
 def write_tactile_urdf(

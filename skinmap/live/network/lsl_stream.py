@@ -15,7 +15,6 @@ import stat
 import sys
 import threading
 import time
-import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -30,9 +29,9 @@ from skinmap.errors import (
     MessageError,
     MissingLibraryError,
     OutputError,
-    SkinWarning,
     UnknownNameError,
     UnreachableError,
+    warn,
 )
 from skinmap.live.network.network_messages import (
     HERE,
@@ -137,9 +136,9 @@ def load_lsl(scope: str) -> Any:
             return pylsl
         own = os.environ.get("LSLAPICFG", "")
         if own and Path(own).is_file():
-            _warn(f"LSL follows {own} (LSLAPICFG), which may open it to the network")
+            warn(f"LSL follows {own} (LSLAPICFG), which may open it to the network", above=1)
         elif foreign:
-            _warn("LSL was loaded before Skinmap could keep it on this machine")
+            warn("LSL was loaded before Skinmap could keep it on this machine", above=1)
         else:
             try:
                 pylsl.set_config_content(settings(scope))
@@ -182,10 +181,6 @@ def keep_on_loopback(ports: Iterable[int]) -> bool:
                         one.setsockopt(socket.SOL_SOCKET, device, b"lo\0")
                     tied.add(port)
     return tied == wanted
-
-
-def _warn(text: str) -> None:
-    warnings.warn(text, SkinWarning, stacklevel=4)
 
 
 TYPE = "Tactile"
@@ -485,10 +480,9 @@ class LslPublisher(Publisher):
         if not self._scope:
             ports = _ports(outlet.get_info().as_xml())
             if not keep_on_loopback(ports):
-                warnings.warn(
+                warn(
                     f"LSL listens on ports {sorted(ports)} of all addresses of this machine",
-                    SkinWarning,
-                    stacklevel=5,
+                    above=3,
                 )
         return outlet
 
@@ -521,6 +515,4 @@ def _ports(xml: str) -> set[int]:
     from lxml import etree
 
     root = etree.fromstring(xml.encode())
-    names = ("v4data_port", "v4service_port")
-    found = {int(root.findtext(name) or 0) for name in names}
-    return found - {0}
+    return {int(root.findtext(f"v4{one}_port") or 0) for one in ("data", "service")} - {0}

@@ -9,7 +9,6 @@ import ipaddress
 import json
 import math
 import struct
-import warnings
 from dataclasses import dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -17,7 +16,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.errors import InvalidArrayError, MessageError, SkinWarning
+from skinmap.errors import InvalidArrayError, MessageError, warn
 from skinmap.live.sources.source import SIMULATION, Kind, StreamInfo
 from skinmap.validation import checked
 
@@ -80,11 +79,10 @@ def parse_address(text: str) -> Address:
 def warn_if_open(address: Address, what: str) -> None:
     """Say that others can reach what is opened there, or that it comes from elsewhere."""
     if not address.is_here:
-        warnings.warn(
+        warn(
             f"{what} {address.host}:{address.port}: not protected by any password or encryption; "
             "use it in networks that you trust",
-            SkinWarning,
-            stacklevel=3,
+            above=1,
         )
 
 

@@ -29,8 +29,7 @@ from skinmap.errors import (
     UnreachableError,
 )
 from skinmap.imports import import_optional
-from skinmap.io.ros2.message_types import dds_name, read, type_hash
-from skinmap.io.ros2.messages import read_cloud, read_text, text_message
+from skinmap.io.ros2.messages import dds_name, read, read_cloud, read_text, text_message, type_hash
 from skinmap.io.ros2.robot_topics import LATCHED
 from skinmap.live.network.network_messages import (
     HERE,
@@ -194,8 +193,6 @@ class ZenohSource(Source):
         Whose skin it must be.
     parts : sequence of str, optional
         Of a foreign topic: whose values follow each other in it.
-    wait : float
-        For a first message [s].
 
     Raises
     ------
@@ -213,7 +210,6 @@ class ZenohSource(Source):
         *,
         robot: Robot | None = None,
         parts: Sequence[str] | None = None,
-        wait: float = WAIT,
     ) -> None:
         warn_if_open(where.address, "reading from")
         self._where = where
@@ -225,7 +221,7 @@ class ZenohSource(Source):
         self._session = open_session(where.address, listen=False)
         try:
             ours = where.topic == SKIN
-            super().__init__(self._ask(wait) if ours else self._meet(wait, robot, parts))
+            super().__init__(self._ask() if ours else self._meet(robot, parts))
             if robot is not None:
                 check_skin(self._info, robot)
             self._last_seen = time.perf_counter()
@@ -250,9 +246,7 @@ class ZenohSource(Source):
         while len(found) < MAX_BLOCK:
             left = 0.0 if found else max(0.0, deadline - time.perf_counter())
             try:
-                arrived, kind, message, beside = (
-                    self._came.get(timeout=left) if left else (self._came.get_nowait())
-                )
+                arrived, kind, message, beside = self._came.get(left > 0.0, left)
             except queue.Empty:
                 break
             sample = self._sample(arrived, kind, message, beside)
@@ -307,7 +301,7 @@ class ZenohSource(Source):
         except queue.Full:
             self._counts.dropped += 1
 
-    def _ask(self, wait: float) -> StreamInfo:
+    def _ask(self) -> StreamInfo:
         """What our own publisher says of its stream, again and again."""
         told: queue.Queue[bytes] = queue.Queue()
 
@@ -317,25 +311,25 @@ class ZenohSource(Source):
                 told.put(message.payload.to_bytes())
 
         self._subscribe(f"{SKIN}/info", hear)
-        said = unpack_info(read_text(self._first(told, wait)).encode())
+        said = unpack_info(read_text(self._first(told)).encode())
         return replace(said, clock="sender")
 
-    def _meet(self, wait: float, robot: Robot | None, parts: Sequence[str] | None) -> StreamInfo:
+    def _meet(self, robot: Robot | None, parts: Sequence[str] | None) -> StreamInfo:
         """What the first message of a foreign stream shows."""
         self._subscribe(self._where.topic, self._take)
-        _, kind, message, _ = self._first(self._came, wait)
+        _, kind, message, _ = self._first(self._came)
         _, values = values_of(kind, message, self._where.field)
         info = StreamInfo(self._where.topic, ("all",), (len(values),), 0.0, "raw", clock="sender")
         return info if robot is None else of_robot(info, robot, parts, "values")
 
-    def _first(self, came: queue.Queue[Any], wait: float) -> Any:
+    def _first(self, came: queue.Queue[Any]) -> Any:
         where = self._where
         try:
-            return came.get(timeout=wait)
+            return came.get(timeout=WAIT)
         except queue.Empty:
             raise UnreachableError(
                 f"nothing is published on {where.topic} at {where.address.host}:"
-                f"{where.address.port} in ROS 2's domain {domain()} (waited {wait:g} s)"
+                f"{where.address.port} in ROS 2's domain {domain()} (waited {WAIT:g} s)"
             ) from None
 
 

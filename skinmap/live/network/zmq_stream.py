@@ -15,7 +15,7 @@ import zmq
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import MessageError, OutputError, SkinError, UnreachableError
+from skinmap.errors import MessageError, OutputError, UnreachableError
 from skinmap.live.network.network_messages import (
     DTYPES,
     Address,
@@ -258,7 +258,9 @@ class ZmqPublisher(Publisher):
             self._socket.bind(self._address.endpoint)
         except zmq.ZMQError as error:
             self._context.destroy(linger=0)
-            raise _refused(self._address.endpoint, error) from error
+            used = error.errno == errno.EADDRINUSE
+            why = "the port is in use; choose another" if used else error
+            raise OutputError(f"cannot publish at {self._address.endpoint}: {why}") from error
         self._session = secrets.randbits(32)
         self._sequences: dict[str, int] = {}
         self._info = pack_info(info, session=self._session, heartbeat=HEARTBEAT)
@@ -290,10 +292,3 @@ class ZmqPublisher(Publisher):
     def _beat(self) -> None:
         with self._sending:
             self._socket.send_multipart([b"info", self._info])
-
-
-def _refused(endpoint: str, error: Any) -> SkinError:
-
-    if error.errno == errno.EADDRINUSE:
-        return OutputError(f"cannot publish at {endpoint}: the port is in use; choose another")
-    return OutputError(f"cannot publish at {endpoint}: {error}")

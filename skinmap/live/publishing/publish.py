@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import SkinMismatchError, UnknownNameError, check_known
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.live.network.network_messages import VERSION
 from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
 from skinmap.recognition.answers import answers_object

@@ -14,10 +14,16 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import OutputError
 from skinmap.imports import import_optional
-from skinmap.io.ros2.message_types import array_type, definition, encode, full_name
-from skinmap.io.ros2.messages import TouchMarker, text_message
+from skinmap.io.ros2.messages import (
+    TouchMarker,
+    array_type,
+    definition,
+    encode,
+    full_name,
+    text_message,
+)
 from skinmap.io.ros2.robot_topics import LATCHED, TF, TYPES, RobotTopics, RobotView, taxel_columns
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.network.network_messages import HERE, KINDS, Address, parse_address, warn_if_open
 from skinmap.live.publishing.publish import Publisher, Topic
 from skinmap.live.sources.source import StreamInfo

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import warnings
 from collections.abc import Iterator
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
-from skinmap.errors import SkinWarning
+from skinmap.errors import warn
 from skinmap.live.sources.source import Block, Counts, StreamInfo
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 
@@ -41,12 +40,10 @@ def check_range(values: NDArray[Any], info: StreamInfo) -> bool:
     top = float(np.max(values, initial=0.0, where=np.isfinite(values)))
     if top <= FAR:
         return True
-    warnings.warn(
+    warn(
         f"{info.name!r} sends values up to {top:g}: {info.kind} values are 0 to 255 counts, and "
         "larger ones are cut off. Scale them at the source, or read a recording of them by a "
-        "mapping with full_scale (docs/own_recordings.md)",
-        SkinWarning,
-        stacklevel=2,
+        "mapping with full_scale (docs/own_recordings.md)"
     )
     return False
 
@@ -144,11 +141,7 @@ class SampleChecks:
         self._odd = self._odd + 1 if fits else 0  # a pause may be so long once
         if self._odd >= STEPS and not self._timed:
             self._timed = True
-            warnings.warn(
-                f"the times of {self._info.name!r} look like {fits[0]}: they are seconds",
-                SkinWarning,
-                stacklevel=4,
-            )
+            warn(f"the times of {self._info.name!r} look like {fits[0]}: they are seconds", above=2)
 
     def _verdict(self, time: float, jumps: bool) -> str:
         """What becomes of a sample of this time: "use", "drop", or "anew": first of a new run.
@@ -245,4 +238,4 @@ class SampleChecks:
         self._watched = False
 
     def _warn(self, found: str) -> None:
-        warnings.warn(f"{self._info.name!r} sends {found}", SkinWarning, stacklevel=4)
+        warn(f"{self._info.name!r} sends {found}", above=2)

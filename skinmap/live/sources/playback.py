@@ -11,8 +11,7 @@ from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, check_finite
 from skinmap.errors import InvalidArrayError
-from skinmap.io.mcap.file_overview import Overview
-from skinmap.io.recordings.recorded_stream import MarkedTouch, Samples
+from skinmap.io.recordings.recorded_stream import MarkedTouch, Overview, Samples
 from skinmap.live.sources.source import MAX_BLOCK, Block, Seekable, SourceEnded, StreamInfo
 
 GAP = 0.5  # without a sample: something is lost [s]
@@ -134,8 +133,7 @@ class Playback(Seekable):
     def gaps(self) -> list[tuple[float, float]]:
         """Where samples are missing for `GAP` and longer [s], in the recording's clock."""
         after = np.flatnonzero(np.diff(self._times) > max(GAP, 2 * self._step))
-        pairs = zip(self._times[after].tolist(), self._times[after + 1].tolist(), strict=True)
-        return list(pairs)
+        return list(zip(self._times[after].tolist(), self._times[after + 1].tolist(), strict=True))
 
     def marked(self) -> list[MarkedSpan]:
         """Part, label, beginning and end [s] of each mark, in the recording's clock."""

@@ -24,7 +24,7 @@ from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.surface.taxel_cloud import local_spacings
 
 if TYPE_CHECKING:
-    from skinmap.live.contacts.contact_forces import ContactForce
+    from skinmap.live.response.loads import ContactForce
     from skinmap.touch.load_calibration import LoadCalibration
 
 ACTIVE = 12.0  # counts of 255: ten times the noise at rest

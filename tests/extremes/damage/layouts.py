@@ -37,13 +37,12 @@ from skinmap.io.taxels.cyskin import (
     write_cyskin,
 )
 from skinmap.io.taxels.icub import read_icub, write_icub
-from skinmap.io.taxels.skinware import read_skinware
 from skinmap.io.taxels.tactile_urdf import (
     read_tactile_sensors,
     read_tactile_urdf,
     write_tactile_urdf,
 )
-from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE, read_csv, read_taxels
+from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE, read_csv, read_skinware, read_taxels
 from skinmap.skin.layouts import module_layout
 from skinmap.skin.taxels import TaxelTable
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
@@ -267,7 +266,7 @@ TARGETS = [
            ("skinmap.io.taxels.cyskin.read_cyskin", "skinmap.io.taxels.cyskin.read_cyskin_taxels",
             "skinmap.io.flat_maps.sources.read_tactile_maps")),
     Target("taxels-skinware", "t", lambda: [skinware()], read_skinware,
-           ("skinmap.io.taxels.skinware.read_skinware",)),
+           ("skinmap.io.taxels.taxel_table.read_skinware",)),
     Target("taxels-urdf", "t.urdf", lambda: [tactile()], read_tactile_urdf,
            ("skinmap.io.taxels.tactile_urdf.read_tactile_urdf",)),
     Target("sensors-urdf", "t.urdf", lambda: [tactile()], read_tactile_sensors,

@@ -30,13 +30,24 @@ from skinmap.io.recordings.dumper import read_log
 from skinmap.io.recordings.image_files import read_images
 from skinmap.io.recordings.learning import write_npz
 from skinmap.io.recordings.load_evidence import read_evidence
-from skinmap.io.recordings.mapping import read_mapping
 from skinmap.io.recordings.marks import Marks, read_marks
-from skinmap.io.recordings.touch_files import load_recordings, read_recordings, read_streams
+from skinmap.io.recordings.touch_files import (
+    load_recordings,
+    read_mapping,
+    read_recordings,
+    read_streams,
+)
 from skinmap.io.recordings.xdf import read_xdf, read_xdf_parts
 from skinmap.io.ros2.bag import read_bag, read_bag_mapping, read_bag_parts
-from skinmap.io.ros2.message_types import build, definition, full_name, write
-from skinmap.io.ros2.messages import Cloud, joints_message, read_joints
+from skinmap.io.ros2.messages import (
+    Cloud,
+    build,
+    definition,
+    full_name,
+    joints_message,
+    read_joints,
+    write,
+)
 from skinmap.io.taxels.cyskin import CySkin, write_cyskin
 from skinmap.live.network.zenoh_stream import CLOUD, values_of
 from skinmap.memory_features import FEATURES
@@ -416,7 +427,7 @@ TARGETS = [
           read_channels, ("skinmap.io.recordings.channel_table.read_arrays",),
           {"t.toml": lambda: MAPPING}),
     Target("channel-mapping", "t.toml", lambda: [MAPPING], read_mapping,
-           ("skinmap.io.recordings.mapping.read_mapping",)),
+           ("skinmap.io.recordings.touch_files.read_mapping",)),
     Target("channel-mapping-used", "t.toml", lambda: [MAPPING],
            lambda p: read_table(p.with_suffix(".csv")), (), {"t.csv": channel_table}),
     *both("cyskin-arrays", "t.npz", lambda: [pressed()],

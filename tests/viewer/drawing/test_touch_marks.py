@@ -3,8 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from skinmap.live.contacts.contact_forces import ContactForce, Interval
 from skinmap.live.contacts.named_touch import NamedTouch
+from skinmap.live.response.loads import ContactForce, Interval
 from viewer.drawing.panel.touch_list import caption, details, largest
 from viewer.drawing.touches.touch_marks import LONG, SHORT, arrow, carried_steps, solid_arrow
 

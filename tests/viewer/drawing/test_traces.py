@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from viewer.drawing.touches.traces import SAMPLES, SECONDS, traces
 from viewer.playing.recent_moments import MEMORY, History, size
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from viewer.playing.recent_moments import Excerpt
 
 

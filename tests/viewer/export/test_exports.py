@@ -7,7 +7,7 @@ import pytest
 
 from skinmap.errors import OutputError
 from skinmap.geometry.rigid import transform_points
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 
 
 @pytest.fixture

@@ -10,7 +10,7 @@ import zlib
 import numpy as np
 import pytest
 
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from tests.viewer.unpacking import unpack
 from viewer import write_html
 from viewer.results import LAYERS

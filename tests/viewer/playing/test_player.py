@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.live.sources.source import Seekable, SourceEnded, StreamInfo
 from viewer import Player
 from viewer.playing.recent_moments import LENGTH, MEMORY, MINUTE, History, Timeline, size, small

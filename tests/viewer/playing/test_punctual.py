@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from viewer.playing.recent_moments import Outlet
 from viewer.window import OLDEST, PATIENCE, Punctual
 

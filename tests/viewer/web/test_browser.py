@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skinmap.live.contacts.contact_motion import Motion
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.touch.images.contact_image import paper_images, taxel_grid
 from viewer.colours import class_colour
 from viewer.web.server import WebServer

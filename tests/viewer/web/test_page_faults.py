@@ -12,8 +12,7 @@ import pytest
 
 from skinmap.errors import InvalidArrayError
 from skinmap.io.robots.manifest import load_robot
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer import Player, serve
 

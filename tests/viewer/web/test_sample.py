@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from tests.viewer.unpacking import unpack
 from viewer.drawing.touches.touch_marks import outline_touch
 from viewer.interaction.pointing import describe

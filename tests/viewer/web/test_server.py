@@ -14,7 +14,7 @@ import pytest
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 
 from skinmap.errors import InvalidArrayError, SkinWarning, UnknownNameError, UnreachableError
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from tests.viewer.unpacking import unpack
 from viewer.web.files import page_files, served_files
 from viewer.web.guard import LIVE

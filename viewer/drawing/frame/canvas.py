@@ -37,7 +37,7 @@ import time
 
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkTextActor
 
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment
 from viewer.colours import FAINT, WARNING
 from viewer.drawing.panel.touch_list import known
 from viewer.drawing.words.shapes import small_font

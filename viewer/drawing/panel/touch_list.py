@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 from vtkmodules.vtkRenderingCore import vtkRenderer
 
-from skinmap.live.contacts.contact_forces import ContactForce
 from skinmap.live.contacts.named_touch import NamedTouch
+from skinmap.live.response.loads import ContactForce
 from viewer.colours import FAINT, INK, ink_on, touch_colour
 from viewer.colours import faded as pale
 from viewer.drawing.words.shapes import Line, small_font

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.live.contacts.named_touch import NamedTouch
-from skinmap.live.moment import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from viewer.colours import FAINT, INK, TRACES
 from viewer.drawing.words.labels import Box
 from viewer.drawing.words.shapes import Line, Shape, Shapes, small_font, tint
