@@ -9,7 +9,6 @@ from scipy.spatial import cKDTree
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.proximity import nearest_of
 from skinmap.geometry.rigid import tangent_frames
-from skinmap.surface.compiled import star_kernel
 from skinmap.surface.taxel_cloud import faces_away
 
 NEIGHBOURS = 20  # more than two rings of a hexagonal lattice; a star needs one
@@ -30,7 +29,6 @@ def delaunay_stars(
     *,
     neighbours: int = NEIGHBOURS,
     allowed: csr_array | None = None,
-    compiled: bool | None = None,
 ) -> IntArray:
     """Triangles (t, 3) that each point's own tangent-plane Delaunay diagram has around it.
 
@@ -53,8 +51,6 @@ def delaunay_stars(
         Nearest others that a star is made of.
     allowed : (n, n) sparse array, optional
         Its entries are the pairs that may be neighbours; all by default.
-    compiled : bool, optional
-        Whether numba does it; by default where it is installed and worth its import.
 
     References
     ----------
@@ -66,7 +62,6 @@ def delaunay_stars(
     shaken = points + jitter
     tree = cKDTree(shaken)
     limit = np.broadcast_to(np.asarray(limit, np.float64), len(points)).copy()
-    kernel = star_kernel(len(points), compiled)
     found = [np.zeros((0, 3), np.int64)]
 
     def near(rows: IntArray, count: int) -> tuple[FloatArray, IntArray, FloatArray]:
@@ -86,15 +81,18 @@ def delaunay_stars(
         found.append(votes)
         left.append(rows[~settled])
     rest = np.concatenate(left)
-    size = CHUNK if kernel is None else MANY
-    for start in range(0, len(rest), size):
-        rows = rest[start : start + size]
+    for start in range(0, len(rest), CHUNK):
+        rows = rest[start : start + CHUNK]
         distance, index, _ = near(rows, neighbours)
-        if kernel is not None:
-            first, second = tangent_frames(normals[rows]).swapaxes(0, 1)
-            found.append(kernel(shaken, first, second, rows, index, distance, limit))
-        else:
-            found.append(_stars(shaken, normals, index, distance, limit, rows))
+        x, y = _inverted(shaken, normals, rows, distance, index)
+        finite = np.isfinite(distance)
+        tiny = FLAT * np.maximum(np.abs(x), np.abs(y)).max(axis=1, initial=0.0)[:, None] ** 2
+        step = _hull_steps(x, y, tiny)
+        row, begin = np.nonzero((step >= 0) & finite)
+        end = step[row, begin]
+        triangles = np.column_stack([rows[row], index[row, begin], index[row, end]])
+        kept = finite[row, end] & _short_chords(shaken, triangles, limit)
+        found.append(triangles[kept])
     return np.concatenate(found)
 
 
@@ -187,24 +185,6 @@ def _inverted(
     length = np.multiply(distance, shadow, out=np.ones_like(x), where=near)
     stretch = np.divide(1.0, length, out=np.zeros_like(x), where=near)
     return x * stretch, y * stretch
-
-
-def _stars(
-    points: FloatArray,
-    normals: FloatArray,
-    index: IntArray,
-    distance: FloatArray,
-    limit: FloatArray,
-    rows: IntArray,
-) -> IntArray:
-    x, y = _inverted(points, normals, rows, distance, index)
-    near = np.isfinite(distance)
-    tiny = FLAT * np.maximum(np.abs(x), np.abs(y)).max(axis=1, initial=0.0)[:, None] ** 2
-    step = _hull_steps(x, y, tiny)
-    row, start = np.nonzero((step >= 0) & near)
-    end = step[row, start]
-    triangles = np.column_stack([rows[row], index[row, start], index[row, end]])
-    return np.asarray(triangles[near[row, end] & _short_chords(points, triangles, limit)])
 
 
 def _hull_steps(x: FloatArray, y: FloatArray, tiny: FloatArray) -> IntArray:

@@ -118,13 +118,6 @@ def to_unit(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     return np.ldexp(small, -again), np.ldexp(centre, shift), float(np.ldexp(1.0, shift + again))
 
 
-def merge_coincident(positions: FloatArray) -> tuple[IntArray, IntArray]:
-    """The taxel (n,) that stands for each one, and the taxels (k,) that stand for themselves."""
-    scaled, _, _ = to_unit(check_points(positions, "positions"))
-    representative, vertices, _ = _distinct(scaled, np.ones_like(scaled), None)
-    return representative, vertices
-
-
 def _distinct(
     points: FloatArray, normals: FloatArray, tolerance: float | None
 ) -> tuple[IntArray, IntArray, FloatArray]:
