@@ -150,17 +150,16 @@ class Baxter(Own):
 def judge_baxter(settings: Settings) -> BaxterResult:
     """Run the protocol."""
     from skinmap.io.recordings.image_files import read_images
-    from skinmap.recognition.protocols.baxter import METHODS, evaluate_baxter
-    from skinmap.recognition.protocols.baxter_images import ImageSet, given_images
+    from skinmap.recognition.protocols import baxter
     from skinmap.touch.prepared_skin import PreparedSkin
 
-    subject: PreparedSkin | ImageSet
-    methods = settings.names or tuple(METHODS)
+    subject: PreparedSkin | baxter.ImageSet
+    methods = settings.names or tuple(baxter.METHODS)
     if settings.recordings:
         if settings.robot or settings.parts:
             raise click.UsageError("images of files have no --robot and no --part")
         found = read_images(settings.recordings[0])
-        subject, name = given_images(found.images, found.labels, found.touches), ""
+        subject, name = baxter.given_images(found.images, found.labels, found.touches), ""
         methods = settings.names or ("bovw", "cnn")
     else:
         name = settings.robot or "baxter-forearm"
@@ -169,7 +168,7 @@ def judge_baxter(settings: Settings) -> BaxterResult:
             raise click.UsageError(f"which part of {name}? --part {' | '.join(parts)}")
         subject, name = PreparedSkin(loaded.skin(parts[0])), loaded.name
     with settings.working(2 * len(methods) * settings.seeds, "baxter") as shared:
-        return evaluate_baxter(
+        return baxter.evaluate_baxter(
             subject,
             robot=name,
             seed=settings.seed,
