@@ -13,7 +13,7 @@ from skinmap.errors import SkinMismatchError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.contacts.contact_forces import SPREAD, ContactForce, PartForces
 from skinmap.live.response.loads import heaviest_load
-from skinmap.physics.spring_bed import spring_bed
+from skinmap.physics.pressing import spring_bed
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.prepared_skin import PreparedSkin
 

@@ -100,7 +100,7 @@ def test_simulate_names_the_gestures(plate, rng):
 def test_gains_differ_between_taxels(plate, rng):
     stage = prepare(plate, rng=rng)
     assert isinstance(stage, Stage)
-    assert 0.1 < stage.gains.std() < 0.2
+    assert 0.1 < stage.sensors.gains.std() < 0.2
 
 
 def test_recordings_come_back_as_they_were(tmp_path, plate, rng):

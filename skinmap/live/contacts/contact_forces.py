@@ -22,7 +22,7 @@ from scipy.sparse.linalg import spsolve
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import SkinMismatchError
 from skinmap.geometry.triangles import unit
-from skinmap.physics.spring_bed import spring_bed
+from skinmap.physics.pressing import spring_bed
 from skinmap.touch.contacts.skin_geometry import HARD
 from skinmap.touch.load_calibration import NORMAL_90, ROUND, Covering
 from skinmap.touch.prepared_skin import PreparedSkin

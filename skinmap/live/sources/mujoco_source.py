@@ -19,9 +19,9 @@ from skinmap.errors import InvalidArrayError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.sources.simulated_source import MadeSource, TrueTouch
 from skinmap.live.sources.source import SIMULATION, describe_skins
+from skinmap.physics.pressing import SpringBed, spring_bed
 from skinmap.physics.robot_model import RobotModel
 from skinmap.physics.simulation import TRIES, place_at
-from skinmap.physics.spring_bed import SpringBed, spring_bed
 from skinmap.skin.robot import Robot
 from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN
 from skinmap.touch.simulation.sensing import Sensing, Sensors
