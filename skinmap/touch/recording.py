@@ -79,29 +79,19 @@ class Recording(Summary):
     motions: tuple[TrueMotion | None, ...] = ()
 
     def __post_init__(self) -> None:
-        times = check_finite(self.times, "times", (None,))
         pressures = np.asarray(self.pressures)
-        events = check_whole(self.events, "events")
         if pressures.dtype != np.uint8 or pressures.ndim != 2:
             raise InvalidArrayError(
                 f"pressures must be uint8 of shape (t, n), got {pressures.dtype} {pressures.shape}"
             )
-        if times.shape != (len(pressures),) or events.shape != (len(pressures),):
-            raise InvalidArrayError(
-                f"times and events must have shape ({len(pressures)},), "
-                f"got {times.shape} and {events.shape}"
-            )
+        times = check_finite(self.times, "times", (len(pressures),))
+        events = check_whole(self.events, "events", (len(pressures),))
         if len(events) and not -1 <= events.min() <= events.max() < len(self.labels):
             raise InvalidArrayError(f"events must lie in -1..{len(self.labels) - 1}")
         if (np.diff(times) < 0).any():
             raise InvalidArrayError("times must not run backwards")
-        subjects = check_whole(self.subjects, "subjects")
-        if len(subjects) == 0:
-            subjects = np.zeros(len(self.labels), np.int64)
-        if subjects.shape != (len(self.labels),):
-            raise InvalidArrayError(
-                f"subjects must have shape ({len(self.labels)},), got {subjects.shape}"
-            )
+        subjects = self.subjects if np.size(self.subjects) else np.zeros(len(self.labels), np.int64)
+        subjects = check_whole(subjects, "subjects", (len(self.labels),))
         freeze(self, times=times, pressures=pressures, events=events, subjects=subjects)
         for name in ("sessions", "people"):
             words = tuple(getattr(self, name)) or ("",) * len(self.labels)

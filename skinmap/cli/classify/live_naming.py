@@ -48,7 +48,7 @@ from skinmap.live.sources.source import Counts, SourceEnded, is_live
 from skinmap.live.touched_taxels import LEARN
 from skinmap.recognition.answering import lacking
 from skinmap.recognition.classifier import Prediction, TouchClassifier
-from skinmap.recognition.naming import JOIN, all_right, in_words, name_touches, true_labels
+from skinmap.recognition.naming import all_right, in_words, name_touches, true_labels
 from skinmap.report.present import emit_line, object_of
 from skinmap.touch.contacts.grouping import GroupingRule
 from skinmap.touch.contacts.motion_features import MM, MOTION_FEATURES, motion_features
@@ -57,6 +57,7 @@ from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.gestures import FOUR
+from skinmap.touch.touch_labels import JOIN
 
 FINGERTIP = 15e-3  # its width [m]
 WAIT = 0.2  # so often a silent source lets an interruption through [s]

@@ -73,12 +73,13 @@ def judged_touches(collection: Collection, only: Sequence[str]) -> list[Collecte
     UnknownNameError
         A label that nobody recorded.
     """
-    from skinmap.recognition.protocols.recordings import TOGETHER, check_spelling
+    from skinmap.recognition.protocols.recordings import check_spelling
+    from skinmap.touch.touch_labels import JOIN
 
     for one in collection.touches:
         if not one.touch.label.strip():
             raise InvalidArrayError(f"a touch of {one.part!r} in {one.file} has no label")
-    found = [one for one in collection.touches if TOGETHER not in one.touch.label]
+    found = [one for one in collection.touches if JOIN not in one.touch.label]
     known = sorted({one.touch.label for one in found})
     if not known:
         raise InvalidArrayError(
