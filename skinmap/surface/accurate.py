@@ -30,8 +30,7 @@ from skinmap.geometry.triangles import (
 )
 from skinmap.imports import import_meshlab
 from skinmap.surface.consensus_meshing import Limits, close_small_holes, consensus
-from skinmap.surface.delaunay_stars import contains, delaunay_stars
-from skinmap.surface.taxel_cloud import Cloud
+from skinmap.surface.taxel_cloud import Cloud, contains, delaunay_stars
 
 LIFT = 0.3  # in spacings: taxels are dropped onto the body from there, so on their own side of it
 CROWD = 40  # nearest others, of which those on the far side of a thin part are none of a star

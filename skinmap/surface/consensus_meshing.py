@@ -22,8 +22,7 @@ from skinmap.geometry.topology import (
     twins,
 )
 from skinmap.geometry.triangles import cross_2d, cross_products, edge_lengths, unit
-from skinmap.surface.delaunay_stars import NEIGHBOURS, delaunay_stars
-from skinmap.surface.taxel_cloud import Cloud
+from skinmap.surface.taxel_cloud import NEIGHBOURS, Cloud, delaunay_stars
 
 EDGE_LIMIT = 2.5  # in local spacings: spans the gap between two modules, not between patches
 SLIVER = 0.02  # in spacings: flatter triangles are three taxels in a row

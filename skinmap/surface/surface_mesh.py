@@ -26,8 +26,7 @@ from skinmap.surface.consensus_meshing import (
     pinched_vertex,
     without_pinches,
 )
-from skinmap.surface.delaunay_stars import FEW, NEIGHBOURS
-from skinmap.surface.taxel_cloud import make_cloud
+from skinmap.surface.taxel_cloud import FEW, NEIGHBOURS, make_cloud
 
 MESHING = ("consensus", "fast", "accurate")
 DEFAULT = MESHING[0]

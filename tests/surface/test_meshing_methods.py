@@ -14,8 +14,8 @@ from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.accurate import is_closed
 from skinmap.surface.consensus_meshing import close_loop, take_in_turn
-from skinmap.surface.delaunay_stars import NEIGHBOURS, delaunay_stars
 from skinmap.surface.surface_mesh import MESHING, build_surface
+from skinmap.surface.taxel_cloud import NEIGHBOURS, delaunay_stars
 
 
 def canonical(faces: np.ndarray) -> set[tuple[int, ...]]:
@@ -161,7 +161,7 @@ def shelf(n: int) -> TriangleMesh:
 
 
 def test_stars_of_few_neighbours_first_are_those_of_all_at_once(rng):
-    from skinmap.surface import delaunay_stars as stars
+    from skinmap.surface import taxel_cloud as stars
 
     points, normals = wavy(200, rng)
     both = []
