@@ -93,7 +93,7 @@ def command(
     from skinmap.io.output import staged_file
     from skinmap.io.recordings.marks import Marks, marks_csv, read_marks
     from skinmap.live.sources.open_recording import open_track
-    from skinmap.touch.touch_labels import RESERVED, UNNAMED, check_label
+    from skinmap.touch.recording import RESERVED, UNNAMED, check_label
 
     _check(recording, output, changes=table is not None)
     label = None if name is None else check_label(name)
@@ -182,7 +182,7 @@ def _found(recording: Path, robot: Robot, times: FloatArray) -> Marks:
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.open_recording import open_recording
     from skinmap.recognition.classifier import GivenName
-    from skinmap.touch.touch_labels import UNNAMED
+    from skinmap.touch.recording import UNNAMED
 
     source = open_recording(recording, robot=robot, speed=float("inf"))
     loop = TouchLoop(robot, source, classifier=GivenName(FOUND), singly=True)

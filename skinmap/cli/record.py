@@ -130,7 +130,7 @@ def command(
     from skinmap.recognition.classifier import GivenName
     from skinmap.recognition.model_file import load_classifier
     from skinmap.touch.prepared_skin import PreparedSkin
-    from skinmap.touch.touch_labels import check_label
+    from skinmap.touch.recording import check_label
 
     if label is not None and model is not None:
         raise click.UsageError("--label and --model both name the touches; give one")
@@ -307,7 +307,7 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
     """Mark the touches that are over; one without a name, or cut off, is nothing to train on."""
     from skinmap.recognition.answers import answers_object
-    from skinmap.touch.touch_labels import RESERVED
+    from skinmap.touch.recording import RESERVED
 
     shown.withdrawn += len(loop.withdrawn())
     for event in loop.finished():

@@ -18,8 +18,7 @@ from skinmap.touch.contacts.grouping import RULE, GroupingRule, group_touches
 from skinmap.touch.contacts.rest import Rest, felt, usual_rest
 from skinmap.touch.contacts.skin_geometry import check_pressures, pool_event
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
-from skinmap.touch.recording import Recording
-from skinmap.touch.touch_labels import JOIN
+from skinmap.touch.recording import JOIN, Recording
 
 
 @dataclass(frozen=True, eq=False, slots=True)

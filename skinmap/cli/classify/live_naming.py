@@ -55,9 +55,8 @@ from skinmap.touch.contacts.motion_features import MM, MOTION_FEATURES, motion_f
 from skinmap.touch.contacts.rest import ENOUGH, Rest
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
-from skinmap.touch.recording import Recording
+from skinmap.touch.recording import JOIN, Recording
 from skinmap.touch.simulation.gestures import FOUR
-from skinmap.touch.touch_labels import JOIN
 
 FINGERTIP = 15e-3  # its width [m]
 WAIT = 0.2  # so often a silent source lets an interruption through [s]

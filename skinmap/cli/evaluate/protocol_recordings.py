@@ -74,7 +74,7 @@ def judged_touches(collection: Collection, only: Sequence[str]) -> list[Collecte
         A label that nobody recorded.
     """
     from skinmap.recognition.protocols.recordings import check_spelling
-    from skinmap.touch.touch_labels import JOIN
+    from skinmap.touch.recording import JOIN
 
     for one in collection.touches:
         if not one.touch.label.strip():

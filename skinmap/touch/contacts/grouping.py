@@ -27,7 +27,7 @@ from skinmap.touch.contacts.skin_geometry import (
     connected,
     pieces,
 )
-from skinmap.touch.touch_labels import RESERVED
+from skinmap.touch.recording import RESERVED
 
 if TYPE_CHECKING:
     from skinmap.touch.recording import Recording
