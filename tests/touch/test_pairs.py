@@ -5,7 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.recognition.protocols.cross_patch import cut_into_patches
+from skinmap.recognition.protocols.transfer import cut_into_patches
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from skinmap.touch.simulation.gestures import EIGHT, GESTURES

@@ -40,7 +40,7 @@ class CrossPatch(Gestures):
 
 def judge_cross_patch(settings: Settings) -> CrossPatchResult:
     """Run the protocol."""
-    from skinmap.recognition.protocols.cross_patch import (
+    from skinmap.recognition.protocols.transfer import (
         DEFAULTS,
         check_carries_over,
         cut_patches,
@@ -95,18 +95,17 @@ def judge_physics(settings: Settings) -> PhysicsResult:
     """Run the protocol."""
     from skinmap.physics.pressing import import_mujoco
     from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
-    from skinmap.recognition.protocols import physics
-    from skinmap.recognition.protocols.cross_patch import check_carries_over
+    from skinmap.recognition.protocols import transfer
     from skinmap.touch.prepared_skin import PreparedSkin
 
     if len(settings.names) > 1:
         raise click.UsageError("--protocol physics judges one classifier: name it once")
     import_mujoco()
-    classifier = settings.names[0] if settings.names else physics.CLASSIFIER
-    check_carries_over((classifier,))
+    classifier = settings.names[0] if settings.names else transfer.CLASSIFIER
+    transfer.check_carries_over((classifier,))
     loaded, parts = open_robot(settings.robot or "icub", settings.parts)
     skins = {part: PreparedSkin(loaded.skin(part)) for part in parts}
-    tested = set(physics.mirror_pairs(skins).values())
+    tested = set(transfer.mirror_pairs(skins).values())
     how = {"per_gesture": settings.per_gesture, **settings.drawn}
     gestures = list(chosen_gestures(settings))
     # Touches of each physics; for each part a training of each physics, and one without each.
@@ -114,7 +113,7 @@ def judge_physics(settings: Settings) -> PhysicsResult:
     touches = len(VARIANTS) * len(tested) + len(skins)
     trainings = len(tested) * (1 + len(TUNING) + worlds)
     with settings.working(settings.seeds * (touches + trainings), "physics") as shared:
-        rows = physics.evaluate_physics(
+        rows = transfer.evaluate_physics(
             skins, gestures=gestures, classifier=classifier, **how, **shared
         )
     return PhysicsResult(
@@ -152,8 +151,7 @@ def judge_time(settings: Settings) -> TimeResult:
     """
     from skinmap.live.contacts.stroke_errors import stroke_errors
     from skinmap.physics.variants import DEFAULT, FROZEN
-    from skinmap.recognition.protocols.cross_patch import OURS
-    from skinmap.recognition.protocols.physics import evaluate_in_time, play
+    from skinmap.recognition.protocols.transfer import OURS, evaluate_in_time, play
     from skinmap.skin.checks import twin_parts
     from skinmap.touch.prepared_skin import PreparedSkin
     from skinmap.touch.simulation.gestures import TIME
