@@ -32,13 +32,15 @@ from skinmap.touch.simulation import moving_touches
 from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN, TIME
 from skinmap.touch.simulation.hands import OBLIQUE, Draw
 from skinmap.touch.simulation.moving_touches import TIME_GESTURES, Laid, Timing, lay
-from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
 from skinmap.touch.simulation.simulator import Plays
 from skinmap.touch.simulation.variety import (
     ALL_HANDS,
+    FULL_SCALE,
     HABITS,
     HAND,
     LEANS,
+    Sensing,
+    Sensors,
     Subject,
     beyond,
     happens,

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from skinmap.physics.pressing import Pressed
     from skinmap.physics.simulation import Ground
     from skinmap.touch.prepared_skin import PreparedSkin
-    from skinmap.touch.simulation.sensing import Sensors
+    from skinmap.touch.simulation.variety import Sensors
 
 BODIES = ("poke", "full_finger", "three_finger", "whole_hand", "ball")
 TUNED_ON = ("torso", "left_forearm")  # parts whose touches set how wide the intervals are
@@ -107,7 +107,7 @@ def press_part(prepared: PreparedSkin, seed: tuple[int, ...], *, count: int) -> 
         taxel_loads,
     )
     from skinmap.physics.variants import FROZEN, find_variant
-    from skinmap.touch.simulation.sensing import Sensing, Sensors
+    from skinmap.touch.simulation.variety import Sensing, Sensors
 
     rng = task_rng(seed)
     skin, variant = prepared.skin, find_variant(FROZEN)

@@ -24,7 +24,7 @@ from skinmap.physics.robot_model import RobotModel
 from skinmap.physics.simulation import TRIES, place_at
 from skinmap.skin.robot import Robot
 from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN
-from skinmap.touch.simulation.sensing import Sensing, Sensors
+from skinmap.touch.simulation.variety import Sensing, Sensors
 
 ABOVE = 6e-3  # pressers come from so far above the skin [m]
 REMEMBERED = 1000  # touches in `truth`, and poses kept for who draws them

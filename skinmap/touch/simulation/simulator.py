@@ -33,9 +33,9 @@ from skinmap.touch.simulation.elastic_bed import bed_loads, contact_width
 from skinmap.touch.simulation.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, TIME, Pad
 from skinmap.touch.simulation.hands import BODIES, Body, Draw, gesture_set, oblique, rolled
 from skinmap.touch.simulation.moving_touches import TIME_GESTURES, Ground, Timing, bed_press, lay
-from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
 from skinmap.touch.simulation.variety import (
     DEFAULT,
+    FULL_SCALE,
     GRIPS,
     HABIT_SHIFT,
     HABIT_TURN,
@@ -44,6 +44,8 @@ from skinmap.touch.simulation.variety import (
     ROLLS,
     Habit,
     Places,
+    Sensing,
+    Sensors,
     Subject,
     beyond,
     check_variety,
