@@ -39,7 +39,7 @@ from skinmap.recognition.descriptors import ContactGeometry, Touch
 from skinmap.recognition.model_file import load_classifier, save_classifier
 from skinmap.recognition.named_classifiers import DEFAULT_FILE
 from skinmap.recognition.prediction_sets import set_calibration_from
-from skinmap.recognition.protocols.physics import mirror_pairs
+from skinmap.recognition.protocols.transfer import mirror_pairs
 from skinmap.recognition.rbf_machine import RbfMachine
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import FOUR, TIME

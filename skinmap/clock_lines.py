@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
-from skinmap.memory_features import memory_features
+from skinmap.memory_features import MemoryState
 
 MOST_SLOPE = 0.03  # either way: clocks of computers are far better, rates that are rounded are not
 MOST_LAG = 0.1  # of the reference's rows, either way, beyond what the lengths leave open
@@ -208,7 +208,7 @@ class _Alignment:
     """The search of lines for one signal (t,) and one reference (u,)."""
 
     def __init__(self, signal: FloatArray, reference: FloatArray, rate: float) -> None:
-        features = memory_features(signal[:, None], signal[:1], rate)[:, 0]
+        features = MemoryState(signal[:1], rate).steps(signal[:, None])[:, :, 0]
         # The running mean of the features trails; that of the reference trails as far.
         trail = max(1, round(0.5 * rate))
         self.fine = np.column_stack([np.ones(len(signal)), features])

@@ -60,8 +60,3 @@ class MemoryState:
         for row, now in enumerate(values):
             found[row] = self.step(now)
         return found
-
-
-def memory_features(values: FloatArray, start: FloatArray, rate: float) -> FloatArray:
-    """Features (t, n, FEATURES - 1) of all rows (t, n); see `MemoryState`."""
-    return MemoryState(start, rate).steps(values).transpose(0, 2, 1)

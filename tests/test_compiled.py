@@ -15,9 +15,7 @@ import skinmap
 from skinmap.errors import MissingLibraryError
 from skinmap.numba_loops import compile_loop, compiled, pays
 
-PACKAGES = (
-    "recognition/histograms", "neighbours", "surface", "touch/histograms", "touch/images"
-)  # fmt: skip
+PACKAGES = ("recognition/histograms", "neighbours", "touch/histograms", "touch/images")
 needs_numba = pytest.mark.usefixtures("numba")
 LOOPS = """
 import json, os, sys
@@ -25,7 +23,6 @@ import numpy as np
 import skinmap
 from skinmap.recognition.histograms.intersection import AdditiveFunction
 from skinmap.neighbours.matching import _match
-from skinmap.surface.compiled import take_kernel
 from skinmap.numba_loops import compiled
 from skinmap.touch.images.contact_image import compiled_gathers
 from skinmap.touch.histograms import codebook as votes
@@ -36,7 +33,6 @@ assert found.compile()
 image = np.zeros(1, np.float32)
 one, many = compiled_gathers()
 one(np.array([0]), np.zeros((1, 3), int), np.full((1, 3), 0.5), np.ones(1), image)
-taken = take_kernel(1, True)(np.array([[0, 1, 2], [2, 3, 4]]))
 loop = votes._compiled(2)
 counts = np.zeros((1, 1, 2), np.int64)
 held = np.array([[0, 1]], np.uint32).T
@@ -49,7 +45,7 @@ matching.compile("(" + ",".join(["i8[::1]", "f8[:,:,::1]", "i8[::1]", "i8[::1]",
     "u8[:,:,:,::1]", "f8", "f8", "f8[:,::1]", "f8[:,::1]", "i8[:,::1]"]) + ")")
 print(json.dumps({
     "additive": found(np.array([[5.0, 7.0]])).tolist(), "image": image.tolist(),
-    "taken": taken.tolist(), "votes": counts.tolist(),
+    "votes": counts.tolist(),
 }))
 """
 
@@ -95,9 +91,7 @@ def test_every_loop_runs_from_a_folder_that_cannot_be_written(tmp_path):
         env=environment, cwd=tmp_path, capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     assert ended.returncode == 0, ended.stderr[-2000:]
-    assert ended.stdout.strip() == (
-        '{"additive": [[3.0]], "image": [1.5], "taken": [true, false], "votes": [[[0, 1]]]}'
-    )
+    assert ended.stdout.strip() == '{"additive": [[3.0]], "image": [1.5], "votes": [[[0, 1]]]}'
     assert not list(place.rglob("*.nbi"))
 
 

@@ -38,8 +38,8 @@ from skinmap.live.sources.source import Block, Source, StreamInfo
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.touch.simulation.gestures import poke
-from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing
 from skinmap.touch.simulation.simulator import Stage, prepare, touch_loads
+from skinmap.touch.simulation.variety import FULL_SCALE, Sensing
 
 REACH = 0.13  # of the log map round a place [m]
 POKE, PACE = 12, 0.13  # samples of a poke; speed of a stroke [m/s], sampled at 50 Hz

@@ -26,8 +26,7 @@ from calibration.mount.chains import Chain, TouchRecording, robot_chain
 from calibration.mount.skin_contacts import SelfTouchFit, known_taxels, self_touch, taxel_covariance
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import rigid_transform, transform_directions, transform_points
-from skinmap.skin.joints import common_ancestor
-from skinmap.skin.robot import Robot
+from skinmap.skin.robot import Robot, common_ancestor
 
 GAIN = 0.25  # spread of the taxels' gains
 DEAD = 0.1  # share of taxels that feel nothing

@@ -38,8 +38,7 @@ from skinmap.recognition.histograms.intersection import (
     intersection_kernel,
 )
 from skinmap.recognition.naming import name_touches
-from skinmap.skin.layouts import module_layout
-from skinmap.skin.modules import taxel_table, triangle_sheet
+from skinmap.skin.modules import module_layout, taxel_table, triangle_sheet
 from skinmap.touch.histograms.codebook import Codebook, VoteCounter, learn_codebook, patterns
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.simulator import simulate

@@ -29,8 +29,8 @@ from skinmap.recognition.classifier import TouchClassifier
 from skinmap.recognition.descriptors import Touch
 from skinmap.recognition.evaluate import likeliest
 from skinmap.recognition.named_classifiers import DEFAULT_FILE, default_model
-from skinmap.recognition.protocols.physics import COVERAGE, judged
 from skinmap.recognition.protocols.results import PhysicsRow
+from skinmap.recognition.protocols.transfer import COVERAGE, judged
 from skinmap.touch.simulation.gestures import FOUR, TIME
 from skinmap.touch.simulation.hands import HAND, OTHER, STILL
 from skinmap.touch.simulation.simulator import simulate

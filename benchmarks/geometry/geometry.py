@@ -32,9 +32,9 @@ from benchmarks.harness.timing import (
     timed,
 )
 from skinmap.flat.disc import Disc, factorise
-from skinmap.flat.disc_map import map_disc
 from skinmap.flat.distortion import measure_distortion
 from skinmap.flat.flat_map import FlatMap, flatten
+from skinmap.flat.methods import map_disc
 from skinmap.geometry.topology import boundary_loops
 from skinmap.skin.cover import measure_fit
 from skinmap.skin.skin import Skin, skin_from_points

@@ -120,7 +120,7 @@ def free_port() -> int:
 
 
 PRINT = 9e-3  # at this distance from its middle a finger's print has fallen to 1/e [m]
-NOISE = 1.2  # counts, as `skinmap.touch.simulation.sensing` has it
+NOISE = 1.2  # counts, as `skinmap.touch.simulation.variety` has it
 APART = 0.03  # between two touches [m]
 
 

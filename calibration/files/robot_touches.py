@@ -25,8 +25,7 @@ from skinmap.errors import (
     SkinMismatchError,
     UnknownNameError,
 )
-from skinmap.skin.joints import check_link, common_ancestor
-from skinmap.skin.robot import Robot
+from skinmap.skin.robot import Robot, check_link, common_ancestor
 from skinmap.skin.skin import fingerprint
 
 BEYOND = np.deg2rad(10.0)  # a limit: more than zeros of joints are off by

@@ -15,8 +15,7 @@ from numpy.typing import ArrayLike
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole, freeze
 from skinmap.errors import InvalidArrayError, check_known
 from skinmap.geometry.rigid import check_transform, rigid_transform, rpy_matrix
-from skinmap.skin.joints import ancestors, check_link
-from skinmap.skin.robot import Robot
+from skinmap.skin.robot import Robot, ancestors, check_link
 
 
 @dataclass(frozen=True, eq=False, slots=True)

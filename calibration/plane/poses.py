@@ -18,8 +18,7 @@ from calibration.plane.solve import Solution
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import SkinError
 from skinmap.geometry.rigid import motion_slopes, tangent_frames, transform_points
-from skinmap.skin.joints import ancestors
-from skinmap.skin.robot import Robot
+from skinmap.skin.robot import Robot, ancestors
 
 TILT = np.deg2rad(25.0)  # at most between the pressed taxel's normal and the surface's
 LEVER = 0.05  # a turn of a radian counts like so many metres when a pose is sought

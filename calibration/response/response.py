@@ -89,7 +89,7 @@ class ResponseCalibration(Summary):
     rate : float
         Samples a second that drift is tracked at.
     fingerprint : str
-        Of the skin, where it is known (`skinmap.recognition.trained_skin.remember`).
+        Of the skin, where it is known (`skinmap.skin.skin.fingerprint`).
     modules : (n,) int or None
         Module of each channel: its free channels tell the drift of those pressed.
     thermal : (n,) bool or None

@@ -13,8 +13,7 @@ from skinmap.errors import InvalidArrayError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import plane_turns, transform_points
 from skinmap.geometry.triangles import unit
-from skinmap.skin.layouts import ModuleLayout
-from skinmap.skin.modules import fit_modules
+from skinmap.skin.modules import ModuleLayout, fit_modules
 from skinmap.skin.robot import Robot
 from skinmap.skin.taxels import TaxelTable
 

@@ -18,8 +18,7 @@ from skinmap.arrays import FloatArray
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.robots.mesh_file import write_mesh
 from skinmap.io.taxels.taxel_table import write_csv
-from skinmap.skin.layouts import module_layout
-from skinmap.skin.modules import taxel_table, triangle_sheet
+from skinmap.skin.modules import module_layout, taxel_table, triangle_sheet
 from skinmap.skin.repair import replace
 from skinmap.skin.taxels import TaxelTable
 

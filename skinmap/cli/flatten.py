@@ -39,7 +39,7 @@ from skinmap.report.table import Cell, Table
 from skinmap.rows import column, row
 
 if TYPE_CHECKING:
-    from skinmap.flat.face_metrics import DrawnChart
+    from skinmap.flat.costs import DrawnChart
     from skinmap.flat.flat_map import FlatMap
     from skinmap.io.flat_maps.sources import Source
     from skinmap.surface.surface_mesh import SurfaceMesh
@@ -177,11 +177,9 @@ def work(
     **how: Any,
 ) -> tuple[FlattenResult, dict[str, Laid]]:
     """Lay everything flat and measure it; `how` is passed on to `skinmap.flatten`."""
-    from skinmap.flat.budget import check_budget
-    from skinmap.flat.costs import drawing_rows, method_rows, patch_rows
-    from skinmap.flat.face_metrics import drawn_charts, face_metric
+    from skinmap.flat.costs import drawing_rows, drawn_charts, face_metric, method_rows, patch_rows
     from skinmap.flat.flat_map import DEFAULT, FlatMap
-    from skinmap.flat.methods import flatteners
+    from skinmap.flat.methods import check_budget, flatteners
     from skinmap.io.flat_maps.sources import DRAWING, THEIRS, check_others
     from skinmap.parallel.run import run_tasks
 
@@ -311,7 +309,7 @@ def write_files(
     result: FlattenResult, laid: Mapping[str, Laid], stage: Path, advance: Callable[[str], None]
 ) -> Iterator[str]:
     """Write pictures and the meshes of each part into a folder; the names."""
-    from skinmap.flat.face_metrics import face_metric
+    from skinmap.flat.costs import face_metric
     from skinmap.io.flat_maps.seam_files import write_flat_obj
     from skinmap.report.flat_figures import comparison_figure, part_figure
     from skinmap.report.page import save_figure
@@ -335,7 +333,7 @@ def write_files(
 
 def report_page(result: FlattenResult, laid: Mapping[str, Laid], stage: Path) -> str:
     """The page, with the pictures that were written."""
-    from skinmap.flat.face_metrics import face_metric
+    from skinmap.flat.costs import face_metric
     from skinmap.report.page import heading, media, note, page
 
     metric, stems = face_metric(result.metric), file_stems(laid)

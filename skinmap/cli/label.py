@@ -16,7 +16,7 @@ from skinmap.commands.overwriting import protect
 from skinmap.errors import MissingFileError, OutputError, SkinError
 from skinmap.io.output import staged_file
 from skinmap.report.present import present
-from skinmap.touch.touch_labels import RESERVED, UNNAMED, check_label
+from skinmap.touch.recording import RESERVED, UNNAMED, check_label
 
 if TYPE_CHECKING:
     from skinmap.arrays import FloatArray

@@ -30,7 +30,7 @@ from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import is_quiet
 from skinmap.errors import OutputError, UnknownNameError, warn
 from skinmap.report.present import present, singular
-from skinmap.touch.touch_labels import RESERVED, check_label
+from skinmap.touch.recording import RESERVED, check_label
 
 if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop

@@ -1,5 +1,5 @@
+from skinmap.flat.costs import face_metric
 from skinmap.flat.distortion import Distortion, measure_distortion
-from skinmap.flat.face_metrics import face_metric
 from skinmap.flat.flat_map import Chart, FlatMap, flatten
 from skinmap.flat.mesh_charts import flatten_mesh
 from skinmap.flat.methods import flatteners

@@ -14,17 +14,24 @@ from numpy.typing import ArrayLike
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import FlatteningError, InvalidArrayError, SkinWarning
 from skinmap.flat.atlas import Laid, arrange, limb_frame, turn_upright
-from skinmap.flat.budget import check_budget
-from skinmap.flat.disc_map import DEFAULT, HOLE_SHARE, DiscMap, flatten_disc, map_disc
 from skinmap.flat.distortion import Distortion, edge_rms, measure_distortion
-from skinmap.flat.methods import check_effort, flatteners
+from skinmap.flat.methods import (
+    DEFAULT,
+    HOLE_SHARE,
+    DiscMap,
+    check_budget,
+    check_effort,
+    flatten_disc,
+    flatteners,
+    map_disc,
+)
 from skinmap.flat.periodic import periodic_map, tube_rims
 from skinmap.flat.seam_choice import Divided, add_seams, seam_of_touches
 from skinmap.flat.seams import CutMesh, open_surface, price_of, rims_and_holes, touch_counts
 from skinmap.geometry.raster import enclosing_triangles
 from skinmap.geometry.topology import check_surface, edges
 from skinmap.skin.normals import along_line
-from skinmap.skin.svg_picture import svg_picture
+from skinmap.skin.skin import svg_picture
 from skinmap.summary import Drawable, Summary, listed
 from skinmap.surface.surface_mesh import SurfaceMesh
 

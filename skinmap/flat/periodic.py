@@ -23,7 +23,7 @@ from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import FlatteningError
 from skinmap.flat.dirichlet import at_best_size, symmetric_dirichlet_descent
 from skinmap.flat.disc import Disc, Solve, factorise, uniform_laplacian
-from skinmap.flat.disc_map import DiscMap
+from skinmap.flat.methods import DiscMap
 from skinmap.flat.seams import CutMesh, open_surface, split_along
 from skinmap.geometry.topology import (
     boundary_loops,

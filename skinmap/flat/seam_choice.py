@@ -30,8 +30,8 @@ from scipy.sparse import coo_array, diags_array
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.flat.disc import Disc
-from skinmap.flat.disc_map import DiscMap
 from skinmap.flat.distortion import measure_distortion
+from skinmap.flat.methods import DiscMap
 from skinmap.flat.seams import (
     UNTOUCHED,
     CutMesh,

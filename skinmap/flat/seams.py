@@ -360,26 +360,18 @@ def _handle_cuts(
     tried = (
         [border] if border is not None else np.linspace(0, n - 1, ROOTS, dtype=np.int64)[:, None]
     )
-    found = [_system_of_loops(filled, pairs, cost, graph, roots, cuts) for roots in tried]
-    return min(found, key=lambda cut: float(price.lengths(cut).sum()))
 
+    def loops(roots: IntArray) -> IntArray:
+        """Edges (c, 2) of the loops from the roots that open every handle."""
+        far, before = _ways_from(graph, roots)
+        joined = _left_over(filled, pairs, far[pairs].sum(axis=1) + cost, before, cuts)
+        steps = [
+            np.concatenate([pair[None], *(_walk_back(int(end), before) for end in pair)])
+            for pair in pairs[joined]
+        ]
+        return _once(steps)
 
-def _system_of_loops(
-    faces: IntArray,
-    pairs: IntArray,
-    cost: FloatArray,
-    graph: csr_array,
-    roots: IntArray,
-    cuts: IntArray,
-) -> IntArray:
-    """Edges (c, 2) of the loops from the roots that open every handle."""
-    far, before = _ways_from(graph, roots)
-    joined = _left_over(faces, pairs, far[pairs].sum(axis=1) + cost, before, cuts)
-    steps = [
-        np.concatenate([pair[None], *(_walk_back(int(end), before) for end in pair)])
-        for pair in pairs[joined]
-    ]
-    return _once(steps)
+    return min(map(loops, tried), key=lambda cut: float(price.lengths(cut).sum()))
 
 
 def _left_over(

@@ -16,23 +16,31 @@ from skinmap.geometry.point_surface import PointSurface
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.physics.bodies import PRESSERS, Presser
-from skinmap.physics.pressing import STEP, Pressed, import_mujoco, mount_frame, press
-from skinmap.physics.spring_bed import SpringBed, spring_bed
+from skinmap.physics.pressing import (
+    STEP,
+    Pressed,
+    SpringBed,
+    import_mujoco,
+    mount_frame,
+    press,
+    spring_bed,
+)
 from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
 from skinmap.skin.skin import Skin
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation import moving_touches
 from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN, TIME
 from skinmap.touch.simulation.hands import OBLIQUE, Draw
-from skinmap.touch.simulation.moving_touches import Laid, lay
-from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
+from skinmap.touch.simulation.moving_touches import TIME_GESTURES, Laid, Timing, lay
 from skinmap.touch.simulation.simulator import Plays
-from skinmap.touch.simulation.time_gestures import TIME_GESTURES, Timing
 from skinmap.touch.simulation.variety import (
     ALL_HANDS,
+    FULL_SCALE,
     HABITS,
     HAND,
     LEANS,
+    Sensing,
+    Sensors,
     Subject,
     beyond,
     happens,
@@ -329,6 +337,8 @@ def press_in_time(
     subject = Subject(person.number, person.hand, 1.0, person.pace, int(rng.integers(HABITS)))
     surface = PointSurface(bed.skin.positions, bed.skin.normals, bed.spacing)
     laid_on = moving_touches.Ground(bed.skin, bed.graph, surface)
+    time = STEP * np.arange(round((RISE + REST) / STEP))
+    rise = np.minimum(time / RISE, 1.0)[:, None]
     timing = Timing(rate, rng, subject)
     for _ in range(TRIES_IN_TIME):
         gesture = TIME_GESTURES[name](Draw(rng, 1.0, subject.hand), timing)
@@ -352,7 +362,7 @@ def press_in_time(
             frames = _frames(surface, presser, spot, heading, angle + turn)
             made = press(
                 bed, presser, frames, foam=ground.foam, flesh=person.flesh,
-                course=_push(len(frames)), friction=variant.friction,
+                course=np.tile(rise, (1, len(frames))), friction=variant.friction,
             )  # fmt: skip
             forces.append(float(made.forces[-1]))
             centres.append(np.nan_to_num(made.centres[-1]))
@@ -364,11 +374,6 @@ def press_in_time(
                 forces, centres = [sum(forces[-2:])], [np.mean(centres[-2:], axis=0)]
             return laid, Poses(np.array(forces), np.array(centres))
     return None
-
-
-def _push(mounts: int) -> FloatArray:
-    time = STEP * np.arange(round((RISE + REST) / STEP))
-    return np.repeat(np.minimum(time / RISE, 1.0)[:, None], mounts, axis=1)
 
 
 def _frames(

@@ -33,8 +33,7 @@ from skinmap.recognition.prediction_sets import (
     set_calibration_from,
 )
 from skinmap.recognition.rbf_machine import RbfMachine
-from skinmap.touch.contacts.contact_geometry import FEATURES, contact_geometry
-from skinmap.touch.contacts.contact_shape import SIZE, contact_shape
+from skinmap.touch.contacts.contact_geometry import FEATURES, SIZE, contact_geometry, contact_shape
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES, MOVES
 from skinmap.touch.contacts.skin_geometry import pool_event
 from skinmap.touch.simulation.gestures import TIME

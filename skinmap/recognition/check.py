@@ -36,9 +36,8 @@ from sklearn.base import BaseEstimator, ClassifierMixin, clone
 from skinmap.arrays import FloatArray
 from skinmap.errors import BrokenPluginError, InvalidArrayError, SkinError
 from skinmap.recognition.classifier import NO_CONTACT, TouchClassifier, calibrated
-from skinmap.recognition.descriptors import Touch
+from skinmap.recognition.descriptors import INPUT_KINDS, Touch, descriptor_of
 from skinmap.recognition.model_file import read_model, save_classifier
-from skinmap.recognition.sample_descriptors import INPUT_KINDS, descriptor_of
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.prepared_skin import PreparedSkin
 

@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import BrokenPluginError, InvalidArrayError, NotFittedError
-from skinmap.recognition.catalogue import BUILT_IN, DEFAULT, classifiers
+from skinmap.recognition.catalogue import DEFAULT as DEFAULT
+from skinmap.recognition.catalogue import classifiers as classifiers
 from skinmap.recognition.descriptors import ContactGeometry, Descriptor, Touch
 from skinmap.recognition.histograms.intersection import IntersectionSVC, one_vs_rest
 from skinmap.recognition.prediction_sets import (
@@ -31,26 +32,15 @@ from skinmap.recognition.prediction_sets import (
     felt_rows,
     held_out,
 )
-from skinmap.recognition.trained_skin import SkinDifference, TrainedSkin, compare_skin, remember
 from skinmap.skin.skin import Skin, fingerprint
 from skinmap.summary import Summary, listed
 from skinmap.touch.contacts.skin_geometry import ACTIVE, pool_event
-from skinmap.touch.prepared_skin import PreparedSkin
+from skinmap.touch.prepared_skin import PreparedSkin, SkinDifference, TrainedSkin, compare_skin
 
 if TYPE_CHECKING:
     from skinmap.recognition.answering import ThreeAnswers
     from skinmap.recognition.answers import Answers
 
-__all__ = [
-    "BUILT_IN",
-    "DEFAULT",
-    "NO_CONTACT",
-    "Classifier",
-    "Prediction",
-    "TouchClassifier",
-    "calibrated",
-    "classifiers",
-]
 
 NO_CONTACT = "no_contact"
 CALIBRATION_FOLDS = 5
@@ -164,7 +154,7 @@ class Classifier(Summary):
 
         self.own_answers = ThreeAnswers()
         skins = dict.fromkeys(touch.skin for touch in touches)
-        self.trained_on = tuple(remember(skin.skin) for skin in skins)
+        self.trained_on = tuple(TrainedSkin(skin.skin.part, skin.skin.positions) for skin in skins)
         self.descriptor.fit(touches, rng=rng)
         self.sets = self.doubt = None
         labels = np.array([touch.label for touch in touches])

@@ -41,7 +41,7 @@ from skinmap.errors import (
 )
 from skinmap.recognition.catalogue import classifiers
 from skinmap.recognition.prediction_sets import doubt_from, set_calibration_from
-from skinmap.recognition.trained_skin import TrainedSkin
+from skinmap.touch.prepared_skin import TrainedSkin
 
 if TYPE_CHECKING:
     from skinmap.recognition.classifier import TouchClassifier

@@ -74,7 +74,7 @@ def raw_rbf_classifier() -> TouchClassifier:
     from sklearn.model_selection import GridSearchCV
     from sklearn.svm import SVC
 
-    from skinmap.recognition.sample_descriptors import RawSamples
+    from skinmap.recognition.descriptors import RawSamples
 
     grid = {"C": list(PENALTIES), "gamma": list(WIDTHS)}
     search = GridSearchCV(SVC(), grid, cv=GRID_FOLDS)
@@ -83,7 +83,7 @@ def raw_rbf_classifier() -> TouchClassifier:
 
 def raw_intersection_classifier() -> TouchClassifier:
     """`raw-intersection`: intersection-kernel SVM on the bare values of one part."""
-    from skinmap.recognition.sample_descriptors import RawSamples
+    from skinmap.recognition.descriptors import RawSamples
 
     return TouchClassifier("raw-intersection", RawSamples(), calibrated(IntersectionSVC()))
 
@@ -107,8 +107,8 @@ def bovw_classifier() -> TouchClassifier:
     from sklearn.pipeline import make_pipeline
     from sklearn.svm import LinearSVC
 
+    from skinmap.recognition.descriptors import PaperImages
     from skinmap.recognition.images.bag_of_words import BagOfVisualWords
-    from skinmap.recognition.sample_descriptors import PaperImages
 
     # Calibrated on the histograms: the words are learnt without labels, and once is enough.
     # Roots of counts have squares that sum to the number of features, a hundred or so, hence C.
@@ -121,8 +121,8 @@ def cnn_classifier() -> TouchClassifier:
 
     Training needs torch, naming touches does not.
     """
+    from skinmap.recognition.descriptors import PaperImages
     from skinmap.recognition.images.cnn import ContactImageCNN
-    from skinmap.recognition.sample_descriptors import PaperImages
 
     return TouchClassifier("cnn", PaperImages(), ContactImageCNN("small"))
 

@@ -18,9 +18,7 @@ from skinmap.touch.contacts.grouping import RULE, GroupingRule, group_touches
 from skinmap.touch.contacts.rest import Rest, felt, usual_rest
 from skinmap.touch.contacts.skin_geometry import check_pressures, pool_event
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
-from skinmap.touch.recording import Recording
-
-JOIN = "+"  # between the labels of touches that overlap in time
+from skinmap.touch.recording import JOIN, Recording
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -223,27 +221,16 @@ def classify(
     found = []
     for one in every:
         rest, own = one.rest(), replace(rule, rate=one.rate)
-        for event, _, samples in one.touches():
-            found += _classify_event(classifier, skins[one.part], one, event, samples, own, rest)
+        for event, label, samples in one.touches():
+            owners = None if one.owners is None else one.owners[event]
+            named = name_touches(
+                classifier, skins[one.part], samples, rule=own, rest=rest, person=one.people[event]
+            )
+            said = [touch.prediction for touch in named]
+            said = said or [classifier.no_contact(skins[one.part])]
+            truth = true_labels(named, samples, label, owners) or [label]
+            found += [
+                ClassifiedTouch(one.part, event, number, name.label, name.confidence, recorded)
+                for number, (name, recorded) in enumerate(zip(said, truth, strict=True))
+            ]
     return found
-
-
-def _classify_event(
-    classifier: TouchClassifier,
-    skin: PreparedSkin,
-    recording: Recording,
-    event: int,
-    samples: NDArray[np.uint8],
-    rule: GroupingRule,
-    rest: Rest,
-) -> list[ClassifiedTouch]:
-    label = recording.labels[event]
-    owners = None if recording.owners is None else recording.owners[event]
-    person = recording.people[event]
-    named = name_touches(classifier, skin, samples, rule=rule, rest=rest, person=person)
-    said = [one.prediction for one in named] or [classifier.no_contact(skin)]
-    truth = true_labels(named, samples, label, owners) or [label]
-    return [
-        ClassifiedTouch(recording.part, event, number, one.label, one.confidence, recorded)
-        for number, (one, recorded) in enumerate(zip(said, truth, strict=True))
-    ]

@@ -16,13 +16,14 @@ from skinmap.recognition.histograms.intersection import pair_coefficients
 from skinmap.recognition.prediction_sets import rejection_threshold
 
 FOLDS = 5
+PENALTY = 10.0  # C of the machine
 WIDTH = 0.9  # gamma times columns: 0.03 for the thirty numbers that it was found with
 # Numbers that spread by less (2 %) are as good as one: what noise adds to them would be taken for
 # much. Those of simulated touches on one part spread by 10 % and more.
 SAME = 0.02
 ITSELF = 1e-8  # squared distance of a row that was learnt; single precision keeps 1e-12
 MARGIN = 4.0  # one-against-one decisions beyond this say no more
-# What a fitted machine is, beside its settings.
+# What a fitted machine is.
 FITTED = (
     "classes", "mean", "scale", "gamma", "vectors", "offsets", "weights", "worth", "bias", "reject",
 )  # fmt: skip
@@ -33,23 +34,9 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
 
     One-against-one decisions of held-out folds teach a multinomial logistic regression what they
     are worth; one final machine learns from all rows. A fitted machine is a handful of arrays.
-
-    Parameters
-    ----------
-    penalty : float
-        C of the machine.
-    width : float, optional
-        Its gamma; 0.9 over the number of columns by default.
-    random_state : int
-        Of the folds.
     """
 
     most_rows = 6000  # some ten seconds
-
-    def __init__(
-        self, *, penalty: float = 10.0, width: float | None = None, random_state: int = 0
-    ) -> None:
-        self.penalty, self.width, self.random_state = penalty, width, random_state
 
     def fit(self, X: ArrayLike, y: ArrayLike) -> RbfMachine:
         """Learn from rows (m, d), all non-negative, and their labels (m,)."""
@@ -66,12 +53,12 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
         self.mean_ = scaled.mean(axis=0)
         self.scale_ = scaled.std(axis=0)
         self.scale_[self.scale_ < SAME] = 1.0
-        self.gamma_ = WIDTH / rows.shape[1] if self.width is None else self.width
+        self.gamma_ = WIDTH / rows.shape[1]
         scaled = (scaled - self.mean_) / self.scale_
         folds = min(FOLDS, int(np.bincount(number).min()))
         held_out = np.zeros((len(rows), self._pairs))
         if folds >= 2:
-            split = StratifiedKFold(folds, shuffle=True, random_state=self.random_state)
+            split = StratifiedKFold(folds, shuffle=True, random_state=0)
             for learn, test in split.split(scaled, number):
                 self._train(scaled[learn], number[learn])
                 held_out[test] = self._decisions(scaled[test])
@@ -86,13 +73,6 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
             self.worth_ = np.concatenate([-self.worth_, self.worth_]) / 2.0
             self.bias_ = np.concatenate([-self.bias_, self.bias_]) / 2.0
         return self
-
-    def decision_function(self, X: ArrayLike) -> FloatArray:
-        """(m, c) calibrated scores, (m,) for two classes."""
-        check_is_fitted(self)
-        rows = validate_data(self, X, dtype=np.float64, reset=False)
-        scores = self._scores(rows)
-        return scores[:, 1] - scores[:, 0] if len(self.classes_) == 2 else scores
 
     def predict_proba(self, X: ArrayLike) -> FloatArray:
         """(m, c) probability of each of `classes_`."""
@@ -119,9 +99,7 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """All that a fitted machine is."""
         check_is_fitted(self)
-        made = {name: np.asarray(getattr(self, f"{name}_")) for name in FITTED}
-        width = np.nan if self.width is None else self.width
-        return {**made, "settings": np.array([self.penalty, width, self.random_state])}
+        return {name: np.asarray(getattr(self, f"{name}_")) for name in FITTED}
 
     def from_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Take what `to_arrays` gave.
@@ -138,18 +116,14 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
         shapes: dict[str, tuple[int, ...]] = {
             "mean": (columns,), "scale": (columns,), "gamma": (), "vectors": (vectors, columns),
             "offsets": (pairs,), "weights": (pairs, vectors), "worth": (len(classes), pairs),
-            "bias": (len(classes),), "reject": (), "settings": (3,),
+            "bias": (len(classes),), "reject": (),
         }  # fmt: skip
         found = {name: np.asarray(arrays[name], np.float64) for name in shapes}
         for name, shape in shapes.items():
-            sound = name == "settings" or np.isfinite(found[name]).all()
-            if found[name].shape != shape or not sound:
+            if found[name].shape != shape or not np.isfinite(found[name]).all():
                 raise InvalidArrayError(f"an RBF machine's {name} do not fit together")
         if (found["scale"] <= 0.0).any():
             raise InvalidArrayError("an RBF machine's scale is not positive")
-        penalty, width, state = found.pop("settings").tolist()
-        self.penalty, self.random_state = penalty, int(state)
-        self.width = None if np.isnan(width) else width
         self.classes_, self.n_features_in_ = classes, columns
         for name, value in found.items():
             setattr(self, f"{name}_", float(value) if value.ndim == 0 else value)
@@ -166,7 +140,7 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
     def _train(self, scaled: FloatArray, number: np.ndarray) -> None:
         from sklearn.svm import SVC
 
-        machine = SVC(C=self.penalty, gamma=self.gamma_, decision_function_shape="ovo")
+        machine = SVC(C=PENALTY, gamma=self.gamma_, decision_function_shape="ovo")
         machine.fit(scaled, number)
         self.vectors_ = machine.support_vectors_
         self.squares_ = np.einsum("ij,ij->i", self.vectors_, self.vectors_)

@@ -16,8 +16,7 @@ from skinmap.errors import InvalidArrayError, UnknownNameError, check_known
 from skinmap.neighbours.offsets import WIDEST
 from skinmap.recognition.catalogue import DEFAULT
 from skinmap.recognition.classifier import WITH_SETS, TouchClassifier, classifiers
-from skinmap.recognition.descriptors import recorded_touches
-from skinmap.recognition.sample_descriptors import LARGEST
+from skinmap.recognition.descriptors import LARGEST, recorded_touches
 from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import prepare_skins
 from skinmap.touch.recording import Recording

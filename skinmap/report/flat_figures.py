@@ -14,7 +14,7 @@ import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.flat.atlas import limb_frame
-from skinmap.flat.face_metrics import METRICS, DrawnChart, FaceMetric, seam_edges
+from skinmap.flat.costs import METRICS, DrawnChart, FaceMetric, seam_edges
 from skinmap.flat.flat_map import Chart, FlatMap
 from skinmap.geometry.triangles import face_areas, face_normals
 from skinmap.report.page import picture_bytes, plain_figure

@@ -39,7 +39,8 @@ def structures_figure(skins: Mapping[str, PreparedSkin], found: Structures, path
         f"rotation{more}; number: taxels that have it; hollow: optional",
         fontsize=11,
     )
-    for place, (name, skin, labels) in enumerate(_by_part(skins, found)):
+    every = np.split(found.labels, np.cumsum([len(skin) for skin in skins.values()])[:-1])
+    for place, ((name, skin), labels) in enumerate(zip(skins.items(), every, strict=True)):
         axis = bottom.add_subplot(-(-len(skins) // width), width, place + 1)
         _draw_members(axis, skin.flat.uv * MM, labels, palette)
         axis.set_title(name, fontsize=9, pad=2, y=1.0)
@@ -124,14 +125,6 @@ def structure_colours(n: int) -> FloatArray:
     colours = np.tile([0.0, 0.0, 0.0, 1.0], (n, 1))
     colours[: len(known)] = known[:n]
     return colours
-
-
-def _by_part(
-    skins: Mapping[str, PreparedSkin], found: Structures
-) -> list[tuple[str, PreparedSkin, IntArray]]:
-    ends = np.cumsum([len(skin) for skin in skins.values()])
-    labels = np.split(found.labels, ends[:-1])
-    return [(name, skin, own) for (name, skin), own in zip(skins.items(), labels, strict=True)]
 
 
 def _draw_prototypes(axis: Any, found: Structures, palette: FloatArray) -> None:

@@ -12,8 +12,7 @@ from skinmap.arrays import FloatArray
 from skinmap.disk_cache import cached
 from skinmap.geometry.proximity import median_spacing, nearest
 from skinmap.geometry.rigid import rigid_fit, transform_points
-from skinmap.skin.layouts import ModuleLayout
-from skinmap.skin.modules import ModulePose, fit_modules, shared_places, slots_of
+from skinmap.skin.modules import ModuleLayout, ModulePose, fit_modules, shared_places, slots_of
 from skinmap.skin.repair import MISFIT
 from skinmap.skin.skin import Skin
 from skinmap.skin.taxels import TaxelTable

@@ -19,8 +19,7 @@ from skinmap.arrays import FloatArray, IntArray, freeze
 from skinmap.errors import SkinWarning, check_known
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import transform_points
-from skinmap.skin.layouts import ModuleLayout
-from skinmap.skin.modules import fit_modules, shared_places, slots_of
+from skinmap.skin.modules import ModuleLayout, fit_modules, shared_places, slots_of
 from skinmap.skin.taxels import THERMAL, UNKNOWN, TaxelTable
 
 NORMALS = "normals"  # taken when the skin is made

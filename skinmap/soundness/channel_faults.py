@@ -82,19 +82,18 @@ def _missing(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
             f"{named(channels)} lie far outside the span of all others: spikes."
         )
         rows = spans_of(np.unique(survey.spikes[:, 0]))
-        found.append(finding("noisy", text, channels=channels, rows=rows,
-                             times=survey.track.times, confidence=0.95))  # fmt: skip
+        found.append(finding("noisy", text, channels=channels, rows=rows, confidence=0.95))
     return found
 
 
 def _strewn(survey: Survey, gone: NDArray[np.bool_], bad: NDArray[np.bool_]) -> list[Finding]:
     """Rows, stretches of channels and single values that hold no number (t, n)."""
-    times, found = survey.track.times, []
+    found = []
     rows = np.flatnonzero((gone | survey.constant).all(axis=1) & gone.any(axis=1))
     if len(rows):
         text = f"{'A row holds' if len(rows) == 1 else f'{len(rows)} rows hold'} no number at all."
         spans, harm = spans_of(rows), 0.6 if len(rows) > 1 else 0.4
-        found.append(finding("lost", text, rows=spans, times=times, harm=harm))
+        found.append(finding("lost", text, rows=spans, harm=harm))
         gone[rows] = False
     stops: dict[tuple[int, int], list[int]] = {}
     for channel in np.flatnonzero(gone.any(axis=0)).tolist():
@@ -183,7 +182,7 @@ def _in_modules(
     Of those that stand still for a while the module takes the place of its channels.
     """
     found, single = [], channels.tolist()
-    where: dict[str, Any] = {"rows": rows, "times": survey.track.times, "confidence": sure}
+    where: dict[str, Any] = {"rows": rows, "confidence": sure}
     least = MODULE if rows else DEAD_MODULE
     for first, last in spans_of(channels, join=4 if rows else 2):
         own = channels[(channels >= first) & (channels <= last)]
@@ -595,8 +594,7 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         ]  # fmt: skip
         bad[channel] = True
         text = f"Channel {channel} is noisy for a while."
-        own = {"rows": spans, "times": survey.track.times, "confidence": 0.9}
-        found.append(finding("noisy", text, channels=[channel], **own))
+        found.append(finding("noisy", text, channels=[channel], rows=spans, confidence=0.9))
     return found
 
 

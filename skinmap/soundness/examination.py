@@ -13,7 +13,7 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.rows import column, row
 from skinmap.soundness.channel_faults import channel_faults, episodes
-from skinmap.soundness.finding import Finding
+from skinmap.soundness.finding import Finding, Span
 from skinmap.soundness.place_faults import place_faults
 from skinmap.soundness.rest_faults import rest_faults, session_offsets
 from skinmap.soundness.set_faults import set_faults, together
@@ -100,11 +100,21 @@ def examine_track(track: Track) -> tuple[ExaminedFile, Survey]:
         found += session_offsets(looked, bad) or rest_faults(looked, bad)
         found += set_faults(looked, bad) + place_faults(looked, bad, episodes(looked))
     rate = 1.0 / times.step if times.step > 0 else None
-    named = [replace(_marked(one, track), file=track.file) for one in in_order(found)]
+    named = [
+        replace(_marked(one, track), file=track.file, seconds=_seconds(one.rows, track.times))
+        for one in in_order(found)
+    ]
     count, width = track.values.shape
     return ExaminedFile(
         file=track.file, rows=count, channels=width, rate_hz=rate, findings=named
     ), looked
+
+
+def _seconds(rows: list[Span] | None, times: FloatArray | None) -> list[list[float]] | None:
+    """First and last time of stretches of rows."""
+    if rows is None or times is None:
+        return None
+    return [[float(times[a]), float(times[b])] for a, b in rows]
 
 
 def _marked(found: Finding, track: Track) -> Finding:

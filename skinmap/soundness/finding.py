@@ -8,7 +8,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from msgspec import UNSET, UnsetType
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import IntArray
 from skinmap.rows import column, row
 
 Kind = Literal[
@@ -84,23 +84,17 @@ def finding(
     *,
     channels: Iterable[int] | None = None,
     rows: Iterable[Sequence[int]] | None = None,
-    times: FloatArray | None = None,
     confidence: float = 0.99,
     harm: float | None = None,
     **more: Any,
 ) -> Finding:
-    """A finding with the usual harm and remedy of its kind; `times` turn rows into seconds."""
+    """A finding with the usual harm and remedy of its kind."""
     usual, do = HARM[kind]
     harm = usual if harm is None else harm
-    spans = None if rows is None else [[int(a), int(b)] for a, b in rows]
-    seconds = None
-    if spans is not None and times is not None:
-        seconds = [[float(times[a]), float(times[b])] for a, b in spans]
     return Finding(
         kind=kind,
         channels=None if channels is None else sorted({int(one) for one in channels}),
-        rows=spans,
-        seconds=seconds,
+        rows=None if rows is None else [[int(a), int(b)] for a, b in rows],
         confidence=round(float(np.clip(confidence, 0.0, 1.0)), 3),
         harm=harm,
         matters=harm >= MATTERS,

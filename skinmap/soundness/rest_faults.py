@@ -63,7 +63,9 @@ def _moves(level: FloatArray, least: Any) -> tuple[NDArray[np.bool_], NDArray[np
     moved = (reach > limit) & (rough < 1.8 * reach) & (total > 0.6 * reach)
     pair = np.abs(change[:-1]) + np.abs(change[1:])
     apart = np.abs(np.median(level[-3:], axis=0) - np.median(level[:3], axis=0))
-    sudden = moved & (apart > limit) & (pair.max(axis=0) > STEP * total) & _stays(pair)
+    largest = pair.max(axis=0)
+    even = pair.sum(axis=0) - 2.0 * largest < largest  # on both sides of the largest change
+    sudden = moved & (apart > limit) & (largest > STEP * total) & even
     # A load that is held at the begin or at the end moves one piece only.
     return moved & ~sudden & (np.ptp(level[1:-1], axis=0) > INNER * reach), sudden
 
@@ -75,12 +77,6 @@ def _without_spikes(level: FloatArray) -> FloatArray:
     ends = [np.where(np.abs(level[0] - inner[0]) > np.abs(first - inner[0]), level[0], first)]
     ends.append(np.where(np.abs(level[-1] - inner[-1]) > np.abs(last - inner[-1]), level[-1], last))
     return np.concatenate([ends[0][None], inner, ends[1][None]])
-
-
-def _stays(pair: FloatArray) -> NDArray[np.bool_]:
-    """Whether the level is even on both sides of its largest change."""
-    rest = pair.sum(axis=0) - 2.0 * pair.max(axis=0)
-    return np.asarray(rest < pair.max(axis=0))
 
 
 def _step(
@@ -102,10 +98,8 @@ def _step(
     size = float(np.median(np.abs(end - begin)[which]))
     who = "the whole skin" if whole else named(channels)
     text = f"From row {row} on the rest of {who} is another one, by {size:.3g}."
-    return finding(
-        "rest", text, channels=None if whole else channels, rows=[[row, survey.count - 1]],
-        times=survey.track.times, confidence=0.9,
-    )  # fmt: skip
+    own = None if whole else channels
+    return finding("rest", text, channels=own, rows=[[row, survey.count - 1]], confidence=0.9)
 
 
 def _before_and_after(survey: Survey, lively: NDArray[np.int64]) -> list[Finding]:
@@ -124,10 +118,7 @@ def _before_and_after(survey: Survey, lively: NDArray[np.int64]) -> list[Finding
         return []
     text = f"Rest after the load differs from rest before by {np.median(np.abs(gap[moved])):.3g}."
     rows = [[survey.rows_of_cells(len(skin) - edge, len(skin) - 1)[0], survey.count - 1]]
-    return [
-        finding("rest", text, channels=lively[moved], rows=rows, times=survey.track.times,
-                confidence=0.8)
-    ]  # fmt: skip
+    return [finding("rest", text, channels=lively[moved], rows=rows, confidence=0.8)]
 
 
 def session_offsets(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
@@ -190,8 +181,5 @@ def session_offsets(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     who = several if len(which) > 1 else f"session {names[which[0]]} differs"
     text = f"At rest, {who} from {'each other' if len(which) == len(names) else 'the others'}."
     channels = lively[off[which].any(axis=0)]
-    whole = len(channels) > ALL * len(lively)
-    return [
-        finding("rest", text, channels=None if whole else channels,
-                rows=[where[k] for k in which], times=track.times, confidence=0.9)
-    ]  # fmt: skip
+    told = None if len(channels) > ALL * len(lively) else channels
+    return [finding("rest", text, channels=told, rows=[where[k] for k in which], confidence=0.9)]

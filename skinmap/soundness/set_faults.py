@@ -142,7 +142,7 @@ def _unfelt(
         f"{rows[empty[0]][0]}."
     )
     spans = [[int(rows[k][0]), int(rows[k][-1])] for k in empty]
-    return [finding("labels", text, rows=spans, times=survey.track.times, confidence=0.95)]
+    return [finding("labels", text, rows=spans, confidence=0.95)]
 
 
 def _misnamed(
@@ -177,8 +177,7 @@ def _misnamed(
     # Trees mistake a few touches of sound labels as surely: those are a remark.
     few = _tail(len(wrong), len(rows), MISTAKEN) > DOUBTED
     sure, harm = (0.5, 0.2) if few else (0.85, None)
-    times = survey.track.times
-    return [finding("labels", text, rows=spans, times=times, confidence=sure, harm=harm)]
+    return [finding("labels", text, rows=spans, confidence=sure, harm=harm)]
 
 
 def _features(survey: Survey, own: IntArray, bad: NDArray[np.bool_]) -> list[float]:

@@ -61,7 +61,7 @@ def time_faults(survey: Survey) -> TimeFaults:
         text = "The recording has no times: rate, gaps and order cannot be judged."
         found = [finding("stamps", text, do="record a time with each row")]
         repeated = _repeats(survey, None)
-        return TimeFaults(found + _repeated_finding(repeated, None), repeated, [np.arange(count)])
+        return TimeFaults(found + _repeated_finding(repeated), repeated, [np.arange(count)])
     found = []
     if track.unit:
         text = (
@@ -70,7 +70,7 @@ def time_faults(survey: Survey) -> TimeFaults:
         do = "write the times in seconds"
         found.append(finding("stamps", text, confidence=0.9, harm=0.3, do=do))
     repeated = _repeats(survey, times)
-    found += _repeated_finding(repeated, times)
+    found += _repeated_finding(repeated)
     # Values that repeat at times of their own leave no gap.
     rows = np.flatnonzero(~(repeated & _twins(times)))
     step = _step(times, rows, track.stretches)
@@ -80,12 +80,12 @@ def time_faults(survey: Survey) -> TimeFaults:
             f"The clock begins anew at row {', '.join(str(a) for a, _ in restarts[:5])}: a time "
             "occurs more than once, and rows cannot be put into order by time."
         )
-        found.append(finding("restart", text, rows=restarts, times=times))
+        found.append(finding("restart", text, rows=restarts))
     slips = [own[times[own] != np.sort(times[own])] for own in pieces]
     slipped = np.sort(np.concatenate(slips)) if slips else np.zeros(0, np.int64)
     if len(slipped):
         text = f"{len(slipped)} rows are out of order: their times run backwards."
-        found.append(finding("order", text, rows=spans_of(slipped), times=times))
+        found.append(finding("order", text, rows=spans_of(slipped)))
     ordered = [own[np.argsort(times[own], kind="stable")] for own in pieces]
     if step > 0:
         found += _spacing(times, ordered, step)
@@ -108,7 +108,7 @@ def _shared_stamps(
         f"{same.sum()} of {len(times)} rows have the time of the row before: the clock is too "
         "coarse, or the times lost digits, as of seconds since 1970 in four bytes."
     )
-    return [finding("stamps", text, rows=spans_of(np.flatnonzero(same) + 1), times=times)]
+    return [finding("stamps", text, rows=spans_of(np.flatnonzero(same) + 1))]
 
 
 def _step(times: FloatArray, rows: IntArray, stretches: IntArray | None) -> float:
@@ -253,7 +253,7 @@ def _held(survey: Survey, rows: IntArray) -> NDArray[np.bool_]:
     return held if kept >= 2 else np.zeros(survey.count, bool)
 
 
-def _repeated_finding(repeated: NDArray[np.bool_], times: FloatArray | None) -> list[Finding]:
+def _repeated_finding(repeated: NDArray[np.bool_]) -> list[Finding]:
     rows = np.flatnonzero(repeated)
     if len(rows) == 0:
         return []
@@ -262,7 +262,7 @@ def _repeated_finding(repeated: NDArray[np.bool_], times: FloatArray | None) -> 
         f"{len(rows)} rows ({share:.1%}) repeat an earlier row: they are not new samples, and a "
         "split by rows puts copies on both sides."
     )
-    return [finding("duplicate", text, rows=spans_of(rows), times=times)]
+    return [finding("duplicate", text, rows=spans_of(rows))]
 
 
 def _pieces(
@@ -335,14 +335,12 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
         scatter.append(off)
         scattered.append(own)
     found = []
-    stamps = (
-        _stamps(np.concatenate(scatter), np.concatenate(scattered), times, step) if scatter else []
-    )
+    stamps = _stamps(np.concatenate(scatter), np.concatenate(scattered), step) if scatter else []
     if any(one.rows is None for one in stamps):  # of such times a burst is a part
         bursts, gaps = [], [one for one in gaps if one[2] >= 4]
     for first, last, rate in _slower(gaps, times, step):
         text = f"Rows {first} to {last} come at {rate:.3g} Hz, most others at {1 / step:.3g} Hz."
-        stamps.append(finding("stamps", text, rows=[[first, last]], times=times, confidence=0.9))
+        stamps.append(finding("stamps", text, rows=[[first, last]], confidence=0.9))
         gaps = [one for one in gaps if not first <= one[0] < last]
     if gaps:
         lost = sum(one[2] for one in gaps)
@@ -351,14 +349,14 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
             "gap is wrong by as much."
         )
         rows, harm = [[a, b] for a, b, _ in sorted(gaps)], 0.6 if lost > 1 else 0.4
-        found.append(finding("lost", text, rows=rows, times=times, harm=harm))
+        found.append(finding("lost", text, rows=rows, harm=harm))
     if bursts:
         several = sum(b - a + 1 for a, b in bursts)
         text = (
             f"{several} rows came in {len(bursts)} burst{'s' * (len(bursts) > 1)}: their times are "
             "those of their arrival, and speeds in them are wrong."
         )
-        found.append(finding("burst", text, rows=sorted(bursts), times=times))
+        found.append(finding("burst", text, rows=sorted(bursts)))
     return found + stamps
 
 
@@ -407,7 +405,7 @@ def _scatter(times: FloatArray, inside: NDArray[np.bool_], step: float) -> Float
     return np.where(near | (np.abs(found) > 3.0), 0.0, found)
 
 
-def _stamps(off: FloatArray, rows: IntArray, times: FloatArray, step: float) -> list[Finding]:
+def _stamps(off: FloatArray, rows: IntArray, step: float) -> list[Finding]:
     """Rows whose times scatter as a writer's do."""
     cell = int(np.clip(len(off) // 20, 10, 200))
     cells = len(off) // cell
@@ -428,7 +426,7 @@ def _stamps(off: FloatArray, rows: IntArray, times: FloatArray, step: float) -> 
         f"The times scatter by {share:.0%} of a step of {step * 1e3:.3g} ms: they are when a "
         "program wrote the rows, not when the sensor measured them."
     )
-    return [finding("stamps", text, rows=spans, times=times, confidence=0.9)]
+    return [finding("stamps", text, rows=spans, confidence=0.9)]
 
 
 def clock_faults(survey: Survey, step: float) -> list[Finding]:

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import block_array, coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray
+from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidMeshError
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.topology import (
@@ -29,10 +29,8 @@ from skinmap.geometry.triangles import (
     unit,
 )
 from skinmap.imports import import_meshlab
-from skinmap.surface.consensus_meshing import Limits, close_small_holes
-from skinmap.surface.delaunay_stars import contains, delaunay_stars
-from skinmap.surface.surface_merge import consensus
-from skinmap.surface.taxel_cloud import Cloud
+from skinmap.surface.consensus_meshing import Limits, close_small_holes, consensus
+from skinmap.surface.taxel_cloud import Cloud, contains, delaunay_stars
 
 LIFT = 0.3  # in spacings: taxels are dropped onto the body from there, so on their own side of it
 CROWD = 40  # nearest others, of which those on the far side of a thin part are none of a star
@@ -216,7 +214,9 @@ def fine_surface(body: TriangleMesh, spacing: float) -> TriangleMesh:
         triangles would be needed.
     """
     # The wrap of a face without area ends the process.
-    body = TriangleMesh(body.vertices, body.faces[_has_area(body)])
+    size = np.ptp(body.vertices, axis=0).max() if len(body.vertices) else 0.0
+    whole = smallest_altitudes(body.vertices, body.faces) > LEAST * size
+    body = TriangleMesh(body.vertices, body.faces[whole])
     if len(body.faces) == 0:
         raise InvalidMeshError("the body has no faces that have an area: nothing to follow")
     area = float(face_areas(body.vertices, body.faces).sum())
@@ -228,13 +228,6 @@ def fine_surface(body: TriangleMesh, spacing: float) -> TriangleMesh:
             "link's part"
         )
     return _divided(body if is_closed(body) else _wrapped(body, spacing), FINE * spacing)
-
-
-def _has_area(body: TriangleMesh) -> BoolArray:
-    """(m,) whether a face is more than a rounding error beside the body."""
-    size = np.ptp(body.vertices, axis=0).max() if len(body.vertices) else 0.0
-    altitude = smallest_altitudes(body.vertices, body.faces)
-    return np.asarray(altitude > LEAST * size)
 
 
 def is_closed(body: TriangleMesh) -> bool:

@@ -19,11 +19,14 @@ from skinmap.skin.normals import on_a_line
 from skinmap.skin.skin import Skin, skin_from_points
 from skinmap.summary import Drawable, first_few
 from skinmap.surface.accurate import accurate_faces
-from skinmap.surface.consensus_meshing import SMALL_HOLE, Limits, consensus_faces
-from skinmap.surface.delaunay_stars import FEW, NEIGHBOURS
-from skinmap.surface.surface_merge import pinched_vertex, without_pinches
-from skinmap.surface.taxel_cloud import make_cloud
-from skinmap.surface.taxel_cloud import merge_coincident as merge_coincident
+from skinmap.surface.consensus_meshing import (
+    SMALL_HOLE,
+    Limits,
+    consensus_faces,
+    pinched_vertex,
+    without_pinches,
+)
+from skinmap.surface.taxel_cloud import FEW, NEIGHBOURS, make_cloud
 
 MESHING = ("consensus", "fast", "accurate")
 DEFAULT = MESHING[0]

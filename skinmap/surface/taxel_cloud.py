@@ -1,16 +1,21 @@
-"""The taxels as meshing sees them: distinct, centred, of size one, in an order of their own."""
+"""The taxels as meshing sees them: distinct, centred, of size one, in an order of their own.
+
+Their Delaunay stars in tangent planes: which triangles each taxel would have around itself.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_points, freeze
 from skinmap.errors import InvalidMeshError
+from skinmap.geometry.proximity import nearest_of
+from skinmap.geometry.rigid import tangent_frames
 
 MERGE = 1e-2  # in spacings: closer taxels are one vertex
 AWAY = -0.5  # cosine between the normals of two taxels: 120 degrees
@@ -118,13 +123,6 @@ def to_unit(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
     return np.ldexp(small, -again), np.ldexp(centre, shift), float(np.ldexp(1.0, shift + again))
 
 
-def merge_coincident(positions: FloatArray) -> tuple[IntArray, IntArray]:
-    """The taxel (n,) that stands for each one, and the taxels (k,) that stand for themselves."""
-    scaled, _, _ = to_unit(check_points(positions, "positions"))
-    representative, vertices, _ = _distinct(scaled, np.ones_like(scaled), None)
-    return representative, vertices
-
-
 def _distinct(
     points: FloatArray, normals: FloatArray, tolerance: float | None
 ) -> tuple[IntArray, IntArray, FloatArray]:
@@ -192,3 +190,198 @@ def faces_away(normals: FloatArray, rows: IntArray, index: IntArray) -> BoolArra
     """(r, k) whether neighbours of rows (r,) look the other way: on the far side, or a fold's."""
     x, y, z = (normals[rows, axis, None] * normals[:, axis][index] for axis in range(3))
     return np.asarray(x + y + z < AWAY)
+
+
+NEIGHBOURS = 20  # more than two rings of a hexagonal lattice; a star needs one
+FEW = 12  # close most stars too; at borders a little less is seen
+JITTER = 1e-4  # in spacings: the least that breaks the ties of a square grid bent in space
+FIRST = 12  # nearest to begin with: they settle most stars
+FLAT = 1e-12  # of the inverted size squared: less is a rounding error
+CHUNK = 256  # taxels at a time: the k^2 numbers of a star stay in the processor's cache
+MANY = 65_536  # bounds the memory of the neighbour table
+MARGIN = 1e-9  # relative: for the rounding of a circle's diameter
+
+
+def delaunay_stars(
+    points: FloatArray,
+    normals: FloatArray,
+    spacing: float,
+    limit: float | FloatArray,
+    *,
+    neighbours: int = NEIGHBOURS,
+    allowed: csr_array | None = None,
+) -> IntArray:
+    """Triangles (t, 3) that each point's own tangent-plane Delaunay diagram has around it.
+
+    The first column is the point that votes; the order is counter-clockwise about its normal.
+    The neighbours of a point in a Delaunay diagram are the corners of the convex hull of its
+    neighbourhood inverted in the unit circle: from each neighbour the hull can only go on to the
+    one that turns least, and it does if all others lie to the left of that step.
+
+    Parameters
+    ----------
+    points : (n, 3) array of float
+        [m].
+    normals : (n, 3) array of float
+        Unit, consistent.
+    spacing : float
+        Typical distance of neighbours [m].
+    limit : float or (n,) array of float
+        Longest edge allowed [m]; of those at its two ends the shorter one.
+    neighbours : int
+        Nearest others that a star is made of.
+    allowed : (n, n) sparse array, optional
+        Its entries are the pairs that may be neighbours; all by default.
+
+    References
+    ----------
+    K. Q. Brown, "Voronoi diagrams from convex hulls", Information Processing Letters 9, 1979.
+    """
+    # Symbolic perturbation: the same for every run, so that co-circular taxels agree on one
+    # diagonal. It is no source of randomness that a caller would want to choose.
+    jitter = np.random.default_rng(0).normal(scale=JITTER * spacing, size=points.shape)
+    shaken = points + jitter
+    tree = cKDTree(shaken)
+    limit = np.broadcast_to(np.asarray(limit, np.float64), len(points)).copy()
+    found = [np.zeros((0, 3), np.int64)]
+
+    def near(rows: IntArray, count: int) -> tuple[FloatArray, IntArray, FloatArray]:
+        distance, index = nearest_of(tree, rows, count)
+        reach = distance[:, -1] if index.shape[1] < len(points) - 1 else np.full(len(rows), np.inf)
+        out = faces_away(normals, rows, index) | (distance == 0)
+        out |= distance > np.minimum(limit[rows, None], limit[index])
+        if allowed is not None:
+            own = np.repeat(np.arange(len(rows)), index.shape[1])
+            out |= ~contains(allowed[rows], own, index.ravel()).reshape(index.shape)
+        return np.where(out, np.inf, distance), index, reach
+
+    left = []
+    for start in range(0, len(points), MANY):
+        rows = np.arange(start, min(start + MANY, len(points)))
+        votes, settled = _settled_stars(shaken, normals, rows, *near(rows, FIRST), limit)
+        found.append(votes)
+        left.append(rows[~settled])
+    rest = np.concatenate(left)
+    for start in range(0, len(rest), CHUNK):
+        rows = rest[start : start + CHUNK]
+        distance, index, _ = near(rows, neighbours)
+        x, y = _inverted(shaken, normals, rows, distance, index)
+        finite = np.isfinite(distance)
+        tiny = FLAT * np.maximum(np.abs(x), np.abs(y)).max(axis=1, initial=0.0)[:, None] ** 2
+        step = _hull_steps(x, y, tiny)
+        row, begin = np.nonzero((step >= 0) & finite)
+        end = step[row, begin]
+        triangles = np.column_stack([rows[row], index[row, begin], index[row, end]])
+        kept = finite[row, end] & _short_chords(shaken, triangles, limit)
+        found.append(triangles[kept])
+    return np.concatenate(found)
+
+
+def contains(pairs: csr_array, first: IntArray, second: IntArray) -> BoolArray:
+    """(k,) whether a sparse array has entries at first, second (k,)."""
+    n = pairs.shape[1]
+    row, column = pairs.tocoo().coords
+    return np.isin(first * n + second, row.astype(np.int64) * n + column)
+
+
+def _settled_stars(
+    points: FloatArray,
+    normals: FloatArray,
+    rows: IntArray,
+    distance: FloatArray,
+    index: IntArray,
+    reach: FloatArray,
+    limit: FloatArray,
+) -> tuple[IntArray, BoolArray]:
+    """Triangles (t, 3) of the stars that no taxel further away than reach (r,) can change.
+
+    And which rows (r,) these are. All others lie outside the circles round the triangles of such
+    a star, whose diameters are shorter. In order of angle, neighbours drop out that lie within
+    the triangle of the origin and the two beside them, until the hull is left.
+    """
+    x, y = _inverted(points, normals, rows, distance, index)
+    angle = np.where(np.isfinite(distance), np.arctan2(y, x), np.inf)
+    order = np.argsort(angle, axis=1)
+    place = (order + np.arange(len(rows))[:, None] * order.shape[1])[
+        np.arange(order.shape[1]) < np.isfinite(distance).sum(axis=1)[:, None]
+    ]
+    row, x, y = place // order.shape[1], x.ravel()[place], y.ravel()[place]
+    settled = np.bincount(row, minlength=len(rows)) >= 3
+    tiny = FLAT * np.bincount(row, x * x + y * y, minlength=len(rows))
+    while True:
+        after = _next_of(row)
+        before = np.empty_like(after)
+        before[after] = np.arange(len(row))
+        stepx, stepy = x[after] - x, y[after] - y
+        bend = stepx[before] * stepy - stepy[before] * stepx
+        turn = x * y[after] - y * x[after]
+        # A gap of half a turn or more is a border; a rounding error decides nothing.
+        settled[row[(turn <= tiny[row]) | (np.abs(bend) <= tiny[row])]] = False
+        keep = settled[row] & (bend > 0)
+        if keep.all():
+            break
+        row, x, y, place = row[keep], x[keep], y[keep], place[keep]
+    far = turn * reach[row] <= (1.0 + MARGIN) * np.hypot(stepx, stepy)
+    settled[row[far]] = False
+    who = index.ravel()[place]
+    triangles = np.column_stack([rows[row], who, who[after]])[settled[row]]
+    return triangles[_short_chords(points, triangles, limit)], settled
+
+
+def _short_chords(points: FloatArray, triangles: IntArray, limit: FloatArray) -> BoolArray:
+    """(t,) whether the edge beyond the first corner of triangles (t, 3) is within both limits."""
+    one, other = triangles[:, 1], triangles[:, 2]
+    chord = np.linalg.norm(points[one] - points[other], axis=1)
+    return np.asarray(chord <= np.minimum(limit[one], limit[other]))
+
+
+def _next_of(row: IntArray) -> IntArray:
+    """(k,) the next entry of the same row, round and round; rows (k,) are in order."""
+    after = np.arange(1, len(row) + 1)
+    last = np.flatnonzero(np.diff(row, append=-1))
+    after[last] = np.concatenate([[0], last[:-1] + 1])[: len(last)]
+    return after
+
+
+def _inverted(
+    points: FloatArray,
+    normals: FloatArray,
+    rows: IntArray,
+    distance: FloatArray,
+    index: IntArray,
+) -> tuple[FloatArray, FloatArray]:
+    """(r, k) x and y of neighbours inverted in the unit circle; 0 for those infinitely far.
+
+    Neighbours are laid into the tangent plane at their full length, not at that of their shadow:
+    strongly bent neighbourhoods stay near-isometric.
+    """
+    x, y = np.zeros(index.shape), np.zeros(index.shape)
+    first, second = tangent_frames(normals[rows]).swapaxes(0, 1)
+    for axis in range(3):  # axes apart: sums over three columns are slow
+        offset = points[:, axis][index] - points[rows, axis][:, None]
+        x += offset * first[:, axis, None]
+        y += offset * second[:, axis, None]
+    shadow = np.hypot(x, y)
+    near = np.isfinite(distance) & (shadow > 0)
+    length = np.multiply(distance, shadow, out=np.ones_like(x), where=near)
+    stretch = np.divide(1.0, length, out=np.zeros_like(x), where=near)
+    return x * stretch, y * stretch
+
+
+def _hull_steps(x: FloatArray, y: FloatArray, tiny: FloatArray) -> IntArray:
+    """(r, k) where the hull of inverted neighbours x, y (r, k) goes on to from each; else -1."""
+    # Of the steps i > j with the origin to the left, that is counter-clockwise about the point,
+    # the one that turns least from the way out of the origin through i.
+    turn = x[:, :, None] * y[:, None, :] - y[:, :, None] * x[:, None, :]
+    along = x[:, :, None] * x[:, None, :] + y[:, :, None] * y[:, None, :]
+    along -= (x * x + y * y)[:, :, None]
+    forward = turn > tiny[..., None]
+    ratio = np.full_like(turn, -np.inf)
+    np.divide(along, turn, out=ratio, where=forward)
+    step = ratio.argmax(axis=2)
+    dx = np.take_along_axis(x, step, 1) - x
+    dy = np.take_along_axis(y, step, 1) - y
+    side = dx[..., None] * y[:, None, :]
+    side -= dy[..., None] * x[:, None, :]
+    hull = side.min(axis=2, initial=np.inf) - (dx * y - dy * x) >= -tiny
+    return np.where(hull & forward.any(axis=2), step, -1)

@@ -159,15 +159,10 @@ class LoadCalibration:
 
     def __post_init__(self) -> None:
         n = len(self.rest)
-        if self.weights.shape != (n, FEATURES):
-            raise InvalidArrayError(
-                f"weights must have shape ({n}, {FEATURES}), got {self.weights.shape}"
-            )
-        for name in ("span", "recovery", "top", "error", "shift"):
-            if getattr(self, name).shape != (n,):
-                raise InvalidArrayError(
-                    f"{name} must have shape ({n},), got {getattr(self, name).shape}"
-                )
+        shapes = dict.fromkeys(ARRAYS, (n,)) | {"weights": (n, FEATURES)}
+        for name, shape in shapes.items():
+            if (found := getattr(self, name).shape) != shape:
+                raise InvalidArrayError(f"{name} must have shape {shape}, got {found}")
         freeze(self)
 
     def __len__(self) -> int:
@@ -462,36 +457,25 @@ def calm_rests(
     wide = max(1, round(0.5 * rate))
     padded = np.concatenate([np.zeros(1), np.cumsum(np.pad(level, (wide - 1, 0), mode="edge"))])
     smooth = (padded[wide:] - padded[:-wide]) / wide
-    low, high = np.percentile(smooth, (1, 99))
-    found = [
-        _first_calm(way, few, float(low), float(high - low), rate, up)
-        for way, few in ((smooth, counts), (smooth[::-1], counts[::-1]))
-    ]
-    return found[0], found[1]
+    low, high = (float(one) for one in np.percentile(smooth, (1, 99)))
+    reach, needed = high - low, round(REST_SECONDS * rate)
 
+    def first_calm(level: FloatArray, counts: FloatArray) -> FloatArray | None:
+        if len(level) < 2 * needed or level[needed] - low > REST_FAR * reach:
+            return None
+        moved = np.abs(level - np.median(level[:needed])) > REST_CALM * reach
+        end = int(0.8 * (np.argmax(moved) if moved.any() else len(level)))
+        if end < needed:
+            return None
+        calm = counts[: min(end, round(REST_MOST * rate))]
+        found = np.median(calm, axis=0).astype(np.float64)
+        if up is not None:
+            touched = up * (calm - np.median(calm[:needed], axis=0)) > TOUCHED
+            for k in np.flatnonzero(touched.any(axis=0)):
+                found[k] = np.median(calm[~touched[:, k], k])
+        return found
 
-def _first_calm(
-    level: FloatArray,
-    counts: FloatArray,
-    low: float,
-    reach: float,
-    rate: float,
-    up: FloatArray | None,
-) -> FloatArray | None:
-    needed = round(REST_SECONDS * rate)
-    if len(level) < 2 * needed or level[needed] - low > REST_FAR * reach:
-        return None
-    moved = np.abs(level - np.median(level[:needed])) > REST_CALM * reach
-    end = int(0.8 * (np.argmax(moved) if moved.any() else len(level)))
-    if end < needed:
-        return None
-    calm = counts[: min(end, round(REST_MOST * rate))]
-    found = np.median(calm, axis=0).astype(np.float64)
-    if up is not None:
-        touched = up * (calm - np.median(calm[:needed], axis=0)) > TOUCHED
-        for k in np.flatnonzero(touched.any(axis=0)):
-            found[k] = np.median(calm[~touched[:, k], k])
-    return found
+    return first_calm(smooth, counts), first_calm(smooth[::-1], counts[::-1])
 
 
 def rate_of_times(times: ArrayLike | None, count: int) -> float | None:

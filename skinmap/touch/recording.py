@@ -1,4 +1,7 @@
-"""Recordings: pressures over time, with the touch event and label of each sample."""
+"""Recordings: pressures over time, with the touch event and label of each sample.
+
+What a label may be is checked here, too.
+"""
 
 from __future__ import annotations
 
@@ -79,29 +82,19 @@ class Recording(Summary):
     motions: tuple[TrueMotion | None, ...] = ()
 
     def __post_init__(self) -> None:
-        times = check_finite(self.times, "times", (None,))
         pressures = np.asarray(self.pressures)
-        events = check_whole(self.events, "events")
         if pressures.dtype != np.uint8 or pressures.ndim != 2:
             raise InvalidArrayError(
                 f"pressures must be uint8 of shape (t, n), got {pressures.dtype} {pressures.shape}"
             )
-        if times.shape != (len(pressures),) or events.shape != (len(pressures),):
-            raise InvalidArrayError(
-                f"times and events must have shape ({len(pressures)},), "
-                f"got {times.shape} and {events.shape}"
-            )
+        times = check_finite(self.times, "times", (len(pressures),))
+        events = check_whole(self.events, "events", (len(pressures),))
         if len(events) and not -1 <= events.min() <= events.max() < len(self.labels):
             raise InvalidArrayError(f"events must lie in -1..{len(self.labels) - 1}")
         if (np.diff(times) < 0).any():
             raise InvalidArrayError("times must not run backwards")
-        subjects = check_whole(self.subjects, "subjects")
-        if len(subjects) == 0:
-            subjects = np.zeros(len(self.labels), np.int64)
-        if subjects.shape != (len(self.labels),):
-            raise InvalidArrayError(
-                f"subjects must have shape ({len(self.labels)},), got {subjects.shape}"
-            )
+        subjects = self.subjects if np.size(self.subjects) else np.zeros(len(self.labels), np.int64)
+        subjects = check_whole(subjects, "subjects", (len(self.labels),))
         freeze(self, times=times, pressures=pressures, events=events, subjects=subjects)
         for name in ("sessions", "people"):
             words = tuple(getattr(self, name)) or ("",) * len(self.labels)
@@ -301,3 +294,43 @@ class TrueMotion:
         way = np.asarray(arrays["way"], np.float64).reshape(-1, 4)
         turned = float(np.asarray(arrays["turned"], np.float64).reshape(-1)[0])
         return cls(presses[:, 0], presses[:, 1], way[:, 0], way[:, 1:], turned)
+
+
+MAX_LENGTH = 64  # characters; a longer name breaks every table
+UNNAMED = "touch"  # a touch that nobody has named
+# What is said of touches without a name of their own; the loop, the classifiers and their
+# rejection say these words.
+RESERVED = (UNNAMED, "unknown", "no_contact")
+JOIN = "+"  # between the labels of touches that overlap in time
+
+
+def check_label(label: str) -> str:
+    """A name that touches can be trained under, without the blanks around it.
+
+    Raises
+    ------
+    InvalidArrayError
+        An empty one, one with control characters or `+`, one that is too long, or a word that
+        classifiers say where they give no name.
+
+    Examples
+    --------
+    >>> check_label(" poke ")
+    'poke'
+    """
+    if not label.isprintable():
+        raise InvalidArrayError(f"a label without control characters is needed, got {label!r}")
+    word = label.strip()
+    if not word:
+        raise InvalidArrayError("a label is empty; name the gesture, poke for one")
+    if len(word) > MAX_LENGTH:
+        raise InvalidArrayError(
+            f"a label has {len(word)} characters, at most {MAX_LENGTH}: {word[:20]!r}..."
+        )
+    if JOIN in word:
+        raise InvalidArrayError(f"{word!r}: '+' joins the labels of touches at once; use another")
+    if word in RESERVED:
+        raise InvalidArrayError(
+            f"{word!r} is the answer of classifiers for a touch without a name; use another"
+        )
+    return word

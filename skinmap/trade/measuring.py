@@ -452,12 +452,10 @@ def pareto(points: Sequence[Point]) -> list[bool]:
     >>> pareto([Point(task="x", setting={}, seconds=s, error=e, unit="%") for s, e in costs])
     [True, True, False]
     """
-    return [not any(_dominates(other, point) for other in points) for point in points]
-
-
-def _dominates(one: Point, other: Point) -> bool:
-    no_worse = one.seconds <= other.seconds and one.error <= other.error
-    return no_worse and (one.seconds < other.seconds or one.error < other.error)
+    costs = np.array([(point.seconds, point.error) for point in points]).reshape(-1, 2)
+    no_worse = (costs[:, None] <= costs).all(axis=2)
+    better = (costs[:, None] < costs).any(axis=2)
+    return [not beaten for beaten in np.logical_or.reduce(no_worse & better)]
 
 
 def recommend(

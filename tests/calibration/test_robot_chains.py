@@ -9,8 +9,7 @@ import skinmap
 from calibration.mount.chains import Chain, robot_chain
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.io.robots.urdf import UrdfBody
-from skinmap.skin.joints import common_ancestor
-from skinmap.skin.robot import Robot
+from skinmap.skin.robot import Robot, common_ancestor
 
 # A slide with an axis that is not of length 1, a joint that mimics it, one that mimics a turn
 # backwards, and a turn about an oblique axis that is not of length 1.

@@ -15,8 +15,7 @@ import torch
 from benchmarks import ROOT
 from skinmap.io.robots.manifest import load_robot
 from skinmap.recognition.images.cnn import ContactImageCNN, Network, shrunken
-from skinmap.recognition.protocols.baxter import PART, ROBOT
-from skinmap.recognition.protocols.baxter_images import simulate_images
+from skinmap.recognition.protocols.baxter import PART, ROBOT, simulate_images
 from skinmap.touch.prepared_skin import PreparedSkin
 
 GOLDEN = ROOT / "tests" / "golden"

@@ -11,9 +11,15 @@ from sklearn.svm import SVC
 from skinmap.errors import InvalidArrayError, NotFittedError, SkinMismatchError, UnknownNameError
 from skinmap.recognition.check import check_classifier, planted_touches
 from skinmap.recognition.classifier import classifiers
-from skinmap.recognition.descriptors import Histograms, Touch
+from skinmap.recognition.descriptors import (
+    Histograms,
+    PaperImages,
+    RawSamples,
+    Touch,
+    descriptor_of,
+    moments,
+)
 from skinmap.recognition.named_classifiers import PENALTIES, WIDTHS
-from skinmap.recognition.sample_descriptors import PaperImages, RawSamples, descriptor_of, moments
 from skinmap.touch.contacts.skin_geometry import pressed
 
 NAMES = ("raw-rbf", "raw-intersection", "histogram-chi2", "histogram-sqrt")

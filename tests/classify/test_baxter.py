@@ -15,19 +15,16 @@ from skinmap.recognition.images.cnn import ContactImageCNN
 from skinmap.recognition.model_file import load_classifier, save_classifier
 from skinmap.recognition.protocols import baxter
 from skinmap.recognition.protocols.baxter import (
+    ACTIONS,
+    GESTURES,
     LABELS,
-    Bench,
+    acted,
     default_settings,
     evaluate_baxter,
     mean_diagonal,
-    tune,
-)
-from skinmap.recognition.protocols.baxter_images import (
-    ACTIONS,
-    GESTURES,
-    acted,
     simulate_images,
     split_images,
+    tune,
 )
 from skinmap.report.result import plain
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -173,7 +170,7 @@ def test_bags_of_visual_words_beat_raw_values(skin):
 
 def test_tune_takes_the_best_of_what_it_tried(data):
     settings, tried = tune(
-        Bench(data),
+        data,
         "raw_rbf",
         default_settings("small"),
         rows=np.arange(len(data)) % 3 > 0,
@@ -193,7 +190,7 @@ def test_the_papers_network_is_tuned_over_table_1(skin, monkeypatch):
     monkeypatch.setattr(baxter, "FOLDS", 2)
     few = simulate_images(skin, images=140, rng=np.random.default_rng(7))
     settings, tried = tune(
-        Bench(few),
+        few,
         "cnn",
         default_settings("paper"),
         rows=np.arange(len(few)) % 4 == 0,

@@ -8,7 +8,7 @@ from skinmap.errors import InvalidArrayError
 from skinmap.recognition.descriptors import ContactGeometry, recorded_touches
 from skinmap.recognition.model_file import load_classifier, save_classifier
 from skinmap.recognition.named_classifiers import contact_geometry_classifier
-from skinmap.recognition.protocols.physics import beginning, evaluate_in_time, play
+from skinmap.recognition.protocols.transfer import beginning, evaluate_in_time, play
 from skinmap.touch.contacts.contact_geometry import FEATURES
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES, MOVES
 from skinmap.touch.prepared_skin import PreparedSkin

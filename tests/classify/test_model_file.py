@@ -22,8 +22,8 @@ from skinmap.recognition.check import planted_touches
 from skinmap.recognition.classifier import TouchClassifier, classifiers
 from skinmap.recognition.histograms.intersection import IntersectionSVC
 from skinmap.recognition.model_file import FORMAT, load_classifier, save_classifier
-from skinmap.recognition.trained_skin import compare_skin, remember
 from skinmap.skin.skin import Skin, skin_from_points
+from skinmap.touch.prepared_skin import TrainedSkin, compare_skin
 
 BUILT_IN = ("histogram", "raw-rbf", "contact-geometry", "histogram-sqrt")
 
@@ -298,7 +298,7 @@ def moved(skin, step):
 def test_compare_skin_says_what_differs_and_whether_to_go_on(hexagons, one_skin):
     flat = np.column_stack([hexagons, np.zeros(len(hexagons))])
     skin = skin_from_points(flat, np.tile([0.0, 0, 1], (len(flat), 1)), part="arm")
-    trained = [remember(skin)]
+    trained = [TrainedSkin(skin.part, skin.positions)]
 
     def compare(other):
         return compare_skin(trained, other, one_skin=one_skin)

@@ -5,7 +5,7 @@ import pytest
 
 from skinmap.errors import InvalidArrayError
 from skinmap.physics.variants import FROZEN, TUNING, VARIANTS
-from skinmap.recognition.protocols.physics import (
+from skinmap.recognition.protocols.transfer import (
     BOTH,
     OURS,
     _trainings,
@@ -25,22 +25,22 @@ TOUCHED = {(one, part): ((one, part),) for one in (OURS, *VARIANTS) for part in 
 
 @pytest.mark.parametrize("part", PARTS)
 def test_trainings_never_see_the_frozen_variant_or_a_tested_part(part: str) -> None:
-    made = _trainings(TOUCHED, PAIRS, part, "contact-geometry", 0)  # type: ignore[arg-type]
-    assert {one.trained_on for one in made} == {OURS, BOTH, *TUNING}
+    made = _trainings(TOUCHED, PAIRS, part)  # type: ignore[arg-type]
+    assert {one["trained_on"] for one in made} == {OURS, BOTH, *TUNING}
     for one in made:
-        physics = {touch[0] for touch in one.train}  # type: ignore[index]
+        physics = {touch[0] for touch in one["train"]}
         assert FROZEN not in physics
-        trained = {touch[1] for touch in one.train}  # type: ignore[index]
-        tested = {touch[1] for touches in one.test.values() for touch in touches}  # type: ignore[index]
+        trained = {touch[1] for touch in one["train"]}
+        tested = {touch[1] for touches in one["test"].values() for touch in touches}
         assert tested == {part}
         assert trained == set(PARTS) - tested
-        if one.trained_on == BOTH:
-            assert not physics & set(one.test)
+        if one["trained_on"] == BOTH:
+            assert not physics & set(one["test"])
 
 
 def test_trainings_test_on_every_physics() -> None:
-    made = _trainings(TOUCHED, PAIRS, "a", "contact-geometry", 0)  # type: ignore[arg-type]
-    pairs = {(one.trained_on, tested) for one in made for tested in one.test}
+    made = _trainings(TOUCHED, PAIRS, "a")  # type: ignore[arg-type]
+    pairs = {(one["trained_on"], tested) for one in made for tested in one["test"]}
     every = (OURS, *VARIANTS)
     assert pairs == {(a, b) for a in (OURS, BOTH, *TUNING) for b in every}
 
@@ -88,7 +88,7 @@ def test_mirror_images_are_never_on_both_sides() -> None:
     touched = {(OURS, part): ((OURS, part),) for part in pairs}
     touched |= {(one, part): ((one, part),) for one in VARIANTS for part in ("left", "chest")}
     for part in ("left", "chest"):
-        for one in _trainings(touched, pairs, part, "contact-geometry", 0):  # type: ignore[arg-type]
-            trained = {pairs[touch[1]] for touch in one.train}  # type: ignore[index]
+        for one in _trainings(touched, pairs, part):  # type: ignore[arg-type]
+            trained = {pairs[touch[1]] for touch in one["train"]}
             assert part not in trained
             assert trained

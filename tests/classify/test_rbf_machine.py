@@ -8,7 +8,7 @@ from sklearn.utils.estimator_checks import parametrize_with_checks
 
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.prediction_sets import AGES, doubt_from, early_doubt, rejection_threshold
-from skinmap.recognition.rbf_machine import MARGIN, RbfMachine
+from skinmap.recognition.rbf_machine import MARGIN, PENALTY, WIDTH, RbfMachine
 
 
 @pytest.fixture(scope="module")
@@ -23,9 +23,9 @@ def clouds():
 
 def test_decisions_are_those_of_scikit_learn(clouds):
     rows, labels = clouds
-    ours = RbfMachine(penalty=3.0, width=0.1).fit(rows, labels)
+    ours = RbfMachine().fit(rows, labels)
     scaled = StandardScaler().fit_transform(np.log1p(rows))
-    theirs = SVC(C=3.0, gamma=0.1, decision_function_shape="ovo").fit(scaled, labels)
+    theirs = SVC(C=PENALTY, gamma=WIDTH / 5, decision_function_shape="ovo").fit(scaled, labels)
     expected = np.clip(theirs.decision_function(scaled), -MARGIN, MARGIN)
     np.testing.assert_allclose(ours._decisions(scaled), expected, atol=1e-9)
 

@@ -8,9 +8,8 @@ import pytest
 import skinmap
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.neighbours.structures import RADIUS
-from skinmap.recognition.descriptors import Touch
+from skinmap.recognition.descriptors import PaperImages, Touch
 from skinmap.recognition.model_file import load_classifier, save_classifier
-from skinmap.recognition.sample_descriptors import PaperImages
 from skinmap.recognition.training import read_size, tuned_classifier
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.gestures import FOUR

@@ -14,7 +14,7 @@ from click.testing import CliRunner
 import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
-from skinmap.flat import face_metrics
+from skinmap.flat import costs
 from skinmap.profile import METRICS
 
 PROMISED = {
@@ -165,7 +165,7 @@ def test_components_pinches_and_turned_faces_are_sorted_out(tmp_path, square_gri
 def test_drawings_are_laid_over_the_charts(tmp_path, icub):
     # Planted: the drawing is our own map of a sole in another place, turned, halved and mirrored;
     # triangles of the drawing format stand where the modules are.
-    from skinmap.skin.layouts import BUILTIN
+    from skinmap.skin.modules import BUILTIN
 
     layout = BUILTIN["triangle_10pad"]
     lines = ["[SENSORS]"]
@@ -205,7 +205,7 @@ def test_budgets_of_a_profile_choose_the_method(tmp_path, sheet):
     assert cheap["metric"] == "edge_strain"
     (tmp_path / "p.toml").write_text(head + 'metric = "area"\n')
     assert run(sheet, "--profile", tmp_path / "p.toml")["metric"] == "area"
-    assert tuple(face_metrics.METRICS) == METRICS
+    assert tuple(costs.METRICS) == METRICS
     assert cheap["method"] == "auto"
     assert cheap["patches"][0]["method"] == "fast"
     assert cheap["patches"][0]["reason"]

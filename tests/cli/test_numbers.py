@@ -16,7 +16,7 @@ from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import ISOMETRY
 from skinmap.profile import KNOBS
 from skinmap.recognition.training import MAX_WORDS
-from skinmap.touch.simulation.sensing import Sensing
+from skinmap.touch.simulation.variety import Sensing
 from tests.cli.test_options import commands
 
 WORDS = ("-1", "0", "nan", "inf", "-inf", "1e9", "1000000000", "1e300", "many", "")

@@ -9,9 +9,8 @@ import shapely
 from skinmap.errors import SkinWarning
 from skinmap.flat.dirichlet import energy_and_gradient, locally_injective_map
 from skinmap.flat.disc import Disc
-from skinmap.flat.disc_map import flatten_disc
 from skinmap.flat.distortion import measure_distortion
-from skinmap.flat.methods import Barrier, bijective_map
+from skinmap.flat.methods import Barrier, bijective_map, flatten_disc
 from skinmap.geometry.topology import boundary_loops
 
 

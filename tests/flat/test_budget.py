@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError, SkinWarning
-from skinmap.flat import budget
-from skinmap.flat.budget import predicted_seconds, within_budget
+from skinmap.flat import methods
 from skinmap.flat.disc import Disc
-from skinmap.flat.disc_map import map_disc
 from skinmap.flat.distortion import edge_rms
 from skinmap.flat.flat_map import flatten
+from skinmap.flat.methods import map_disc, predicted_seconds, within_budget
 from skinmap.geometry.topology import boundary_loops
 
 
@@ -40,16 +39,16 @@ def test_a_bound_of_error_that_none_meets_gives_the_nearest(cap):
     choice = within_budget(cap, max_edge_rms=1e-6)
     assert not choice.met
     assert choice.reason.endswith("tried fast, balanced, dirichlet")
-    others = [cap.conformal, budget.rigid_map(cap), budget.locally_injective_map(cap)]
+    others = [cap.conformal, methods.rigid_map(cap), methods.locally_injective_map(cap)]
     best = min(edge_rms(cap.vertices, cap.faces, uv) for uv in others)
     assert edge_rms(cap.vertices, cap.faces, choice.uv) == best
 
 
 def test_time_decides_how_dear_a_method_may_be(cap, monkeypatch):
     clock = iter(np.arange(0.0, 100.0, 1.0))  # every look at the clock, a second has passed
-    monkeypatch.setattr(budget.time, "process_time", lambda: float(next(clock)))
+    monkeypatch.setattr(methods.time, "process_time", lambda: float(next(clock)))
     prices = {"fast": 1.0, "balanced": 3.0, "dirichlet": 10.0}
-    monkeypatch.setattr(budget, "predicted_seconds", lambda method, n: prices[method])
+    monkeypatch.setattr(methods, "predicted_seconds", lambda method, n: prices[method])
     taken = {}
     for limit in (2.0, 8.0, 40.0):
         taken[limit] = within_budget(cap, max_seconds=limit).method
@@ -58,16 +57,16 @@ def test_time_decides_how_dear_a_method_may_be(cap, monkeypatch):
 
 def test_a_slow_machine_is_noticed(cap, monkeypatch):
     prices = {"fast": 1e-9, "balanced": 1.0, "dirichlet": 2.0}
-    monkeypatch.setattr(budget, "predicted_seconds", lambda method, n: prices[method])
+    monkeypatch.setattr(methods, "predicted_seconds", lambda method, n: prices[method])
     # `fast` took a million times what it should: so will the others.
     assert within_budget(cap, max_seconds=100.0).method == "fast"
 
 
 def test_no_budget_takes_the_accurate_method_where_it_is_cheap(cap, monkeypatch):
-    monkeypatch.setattr(budget, "predicted_seconds", lambda method, n: 1e9)
-    monkeypatch.setattr(budget, "CHEAP", float("inf"))
+    monkeypatch.setattr(methods, "predicted_seconds", lambda method, n: 1e9)
+    monkeypatch.setattr(methods, "CHEAP", float("inf"))
     assert within_budget(cap).method == "dirichlet"
-    monkeypatch.setattr(budget, "CHEAP", 0.0)
+    monkeypatch.setattr(methods, "CHEAP", 0.0)
     assert within_budget(cap).method == "balanced"
 
 

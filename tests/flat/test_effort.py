@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError
-from skinmap.flat.disc_map import map_disc
 from skinmap.flat.distortion import measure_distortion
-from skinmap.flat.methods import ITERATED, SLIM_ITERATIONS
+from skinmap.flat.methods import ITERATED, SLIM_ITERATIONS, map_disc
 
 
 @pytest.fixture(scope="module")

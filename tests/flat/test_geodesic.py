@@ -5,7 +5,7 @@ import pytest
 
 from skinmap.flat import costs
 from skinmap.flat.costs import _Lines
-from skinmap.flat.disc_map import flatten_disc
+from skinmap.flat.methods import flatten_disc
 
 
 def geodesic_stress(vertices, faces, uv, *, seed=0, exact=False):

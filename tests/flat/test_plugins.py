@@ -9,8 +9,7 @@ import pytest
 
 from skinmap import registry
 from skinmap.errors import SkinWarning
-from skinmap.flat.disc_map import map_disc
-from skinmap.flat.methods import flatteners
+from skinmap.flat.methods import flatteners, map_disc
 from skinmap.geometry.topology import boundary_loops
 
 

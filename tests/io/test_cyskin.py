@@ -14,7 +14,7 @@ from click.testing import CliRunner
 import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError
-from skinmap.flat.face_metrics import compare_drawing
+from skinmap.flat.costs import compare_drawing
 from skinmap.flat.flat_map import flatten
 from skinmap.io.flat_maps.sources import read_tactile_maps
 from skinmap.io.robots.manifest import data_folder

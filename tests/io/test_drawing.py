@@ -9,7 +9,7 @@ import pytest
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning
 from skinmap.io.flat_maps.drawing import PLACES, Drawing, read_drawing
 from skinmap.io.taxels.icub import read_icub
-from skinmap.skin.layouts import BUILTIN
+from skinmap.skin.modules import BUILTIN
 from skinmap.skin.repair import repair_table
 
 # Real drawings of which something cannot be placed: how many lines, of which types. All others

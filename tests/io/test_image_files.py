@@ -11,7 +11,7 @@ import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, OutputError
 from skinmap.io.recordings.image_files import LabelledImages, read_images, write_images
-from skinmap.recognition.protocols.baxter_images import given_images
+from skinmap.recognition.protocols.baxter import given_images
 
 
 def labelled(rng, n=6):

@@ -12,7 +12,7 @@ import pytest
 from skinmap.errors import SkinMismatchError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.response.loads import SPREAD, ContactForce, PartForces, heaviest_load
-from skinmap.physics.spring_bed import spring_bed
+from skinmap.physics.pressing import spring_bed
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.prepared_skin import PreparedSkin
 

@@ -11,7 +11,7 @@ from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.simulated_source import SimulatedSource
 from skinmap.live.sources.source import StreamInfo
 from skinmap.recognition.classifier import GivenName
-from skinmap.touch.simulation.sensing import Sensing
+from skinmap.touch.simulation.variety import Sensing
 
 PART, RATE = "left_hand", 50.0
 

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from skinmap.neighbours.offsets import neighbourhoods
-from skinmap.skin.layouts import module_layout
-from skinmap.skin.modules import taxel_table, triangle_sheet
+from skinmap.skin.modules import module_layout, taxel_table, triangle_sheet
 
 
 @pytest.fixture(scope="session")

@@ -4,9 +4,15 @@ import numpy as np
 import pytest
 
 from skinmap.physics.bodies import PRESSERS, Mount, Piece, Presser
-from skinmap.physics.pressing import Pressed, mount_frame, press, secant_stiffness
+from skinmap.physics.pressing import (
+    Pressed,
+    SpringBed,
+    mount_frame,
+    press,
+    secant_stiffness,
+    spring_bed,
+)
 from skinmap.physics.simulation import place_at
-from skinmap.physics.spring_bed import SpringBed, spring_bed
 from skinmap.physics.variants import VARIANTS
 from skinmap.skin.skin import skin_from_points
 

@@ -17,7 +17,7 @@ from skinmap.physics.simulation import make_ground, place_at, simulate
 from skinmap.physics.variants import VARIANTS
 from skinmap.skin.skin import Skin
 from skinmap.touch.recording import Recording
-from skinmap.touch.simulation.sensing import Sensing
+from skinmap.touch.simulation.variety import Sensing
 
 mujoco = pytest.importorskip("mujoco", reason="the extra 'mujoco' is not installed")
 

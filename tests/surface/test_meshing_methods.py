@@ -13,11 +13,9 @@ from skinmap.geometry.topology import boundary_loops, check_surface, euler_numbe
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.accurate import is_closed
-from skinmap.surface.consensus_meshing import Limits, close_loop, consensus_faces
-from skinmap.surface.delaunay_stars import NEIGHBOURS, delaunay_stars
-from skinmap.surface.surface_merge import take_in_turn
+from skinmap.surface.consensus_meshing import close_loop, take_in_turn
 from skinmap.surface.surface_mesh import MESHING, build_surface
-from skinmap.surface.taxel_cloud import make_cloud
+from skinmap.surface.taxel_cloud import NEIGHBOURS, delaunay_stars
 
 
 def canonical(faces: np.ndarray) -> set[tuple[int, ...]]:
@@ -162,24 +160,15 @@ def shelf(n: int) -> TriangleMesh:
     return body
 
 
-def test_compiled_and_plain_meshing_agree(rng):
-    pytest.importorskip("numba", reason="the compiled loops need numba")
-    for points, normals in (wavy(400, rng), squares(12), wavy(49, rng)):
-        cloud = make_cloud(points, normals)
-        limits = Limits.of(cloud, None, None, 8)
-        plain, compiled = (consensus_faces(cloud, limits, compiled=how) for how in (False, True))
-        np.testing.assert_array_equal(plain, compiled)
-
-
 def test_stars_of_few_neighbours_first_are_those_of_all_at_once(rng):
-    from skinmap.surface import delaunay_stars as stars
+    from skinmap.surface import taxel_cloud as stars
 
     points, normals = wavy(200, rng)
     both = []
     for first in (stars.FIRST, NEIGHBOURS, 2):  # two settle no star: each goes the long way
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(stars, "FIRST", first)
-            both.append(delaunay_stars(points, normals, 1.0, 2.5, compiled=False))
+            both.append(delaunay_stars(points, normals, 1.0, 2.5))
     assert canonical(both[0]) == canonical(both[1]) == canonical(both[2])
     assert len(both[0]) == len(both[1]) == len(both[2])
 

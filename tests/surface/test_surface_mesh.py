@@ -9,8 +9,7 @@ from skinmap.errors import InvalidMeshError, SkinWarning
 from skinmap.geometry.topology import boundary_loops, check_surface, euler_number
 from skinmap.geometry.triangles import face_areas, face_normals
 from skinmap.skin.skin import skin_from_points
-from skinmap.surface.consensus_meshing import close_loop, fill_holes
-from skinmap.surface.surface_merge import consensus, without_pinches
+from skinmap.surface.consensus_meshing import close_loop, consensus, fill_holes, without_pinches
 from skinmap.surface.surface_mesh import build_surface
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.skin.skin import skin_from_points
-from skinmap.touch.contacts.contact_shape import PAIRS, SIZE, contact_shape
+from skinmap.touch.contacts.contact_geometry import PAIRS, SIZE, contact_shape
 from skinmap.touch.prepared_skin import PreparedSkin
 
 

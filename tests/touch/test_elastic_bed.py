@@ -20,7 +20,6 @@ from skinmap.touch.simulation.elastic_bed import (
 )
 from skinmap.touch.simulation.gestures import GESTURES
 from skinmap.touch.simulation.hands import HANDS, Body, Draw, full_finger, oblique, whole_hand
-from skinmap.touch.simulation.sensing import Sensing, Sensors
 from skinmap.touch.simulation.simulator import (
     loads_over_time,
     place,
@@ -29,6 +28,8 @@ from skinmap.touch.simulation.simulator import (
     simulate_pairs,
 )
 from skinmap.touch.simulation.variety import (
+    Sensing,
+    Sensors,
     draw_sensing,
     draw_subjects,
     happens,

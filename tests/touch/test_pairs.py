@@ -5,14 +5,13 @@ import pytest
 from scipy.spatial import cKDTree
 
 from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.recognition.protocols.cross_patch import cut_into_patches
+from skinmap.recognition.protocols.transfer import cut_into_patches
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from skinmap.touch.simulation.gestures import EIGHT, GESTURES
 from skinmap.touch.simulation.hands import HAND, OTHER, gesture_set
-from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
 from skinmap.touch.simulation.simulator import APART, simulate, simulate_pairs
-from skinmap.touch.simulation.variety import draw_subjects
+from skinmap.touch.simulation.variety import FULL_SCALE, Sensing, Sensors, draw_subjects
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,6 @@ from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError,
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.recording import Recording, load_recordings, save_recordings
 from skinmap.touch.simulation.gestures import FOUR, Pad
-from skinmap.touch.simulation.sensing import Sensing, Sensors
 from skinmap.touch.simulation.simulator import (
     NOISE,
     RATE,
@@ -16,6 +15,7 @@ from skinmap.touch.simulation.simulator import (
     simulate,
     touch_loads,
 )
+from skinmap.touch.simulation.variety import Sensing, Sensors
 
 
 @pytest.fixture
@@ -100,7 +100,7 @@ def test_simulate_names_the_gestures(plate, rng):
 def test_gains_differ_between_taxels(plate, rng):
     stage = prepare(plate, rng=rng)
     assert isinstance(stage, Stage)
-    assert 0.1 < stage.gains.std() < 0.2
+    assert 0.1 < stage.sensors.gains.std() < 0.2
 
 
 def test_recordings_come_back_as_they_were(tmp_path, plate, rng):

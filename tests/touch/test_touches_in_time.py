@@ -18,8 +18,8 @@ from skinmap.touch.contacts.motion_features import (
 from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording, TrueMotion, load_recordings, save_recordings
 from skinmap.touch.simulation.gestures import TIME
+from skinmap.touch.simulation.moving_touches import TIME_GESTURES
 from skinmap.touch.simulation.simulator import simulate
-from skinmap.touch.simulation.time_gestures import TIME_GESTURES
 
 RADIUS = 0.04
 

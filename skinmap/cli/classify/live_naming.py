@@ -49,14 +49,14 @@ from skinmap.live.sources.source import Counts, SourceEnded, is_live
 from skinmap.live.touched_taxels import LEARN
 from skinmap.recognition.answering import lacking
 from skinmap.recognition.classifier import Prediction, TouchClassifier
-from skinmap.recognition.naming import JOIN, all_right, in_words, name_touches, true_labels
+from skinmap.recognition.naming import all_right, in_words, name_touches, true_labels
 from skinmap.report.present import emit_line, object_of
 from skinmap.touch.contacts.grouping import GroupingRule
 from skinmap.touch.contacts.motion_features import MM, MOTION_FEATURES, motion_features
 from skinmap.touch.contacts.rest import ENOUGH, Rest
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
-from skinmap.touch.recording import Recording
+from skinmap.touch.recording import JOIN, Recording
 from skinmap.touch.simulation.gestures import FOUR
 
 FINGERTIP = 15e-3  # its width [m]

@@ -39,7 +39,7 @@ from skinmap.skin.checks import twin_parts
 from skinmap.touch.contacts.skin_geometry import ACTIVE, find_contacts
 from skinmap.touch.load_calibration import LoadCalibration, Zero
 from skinmap.touch.prepared_skin import PreparedSkin
-from skinmap.touch.simulation.sensing import Sensing, Sensors
+from skinmap.touch.simulation.variety import Sensing, Sensors
 
 BODIES = ("poke", "full_finger", "three_finger", "whole_hand", "ball")
 TUNED_ON = ("torso", "left_forearm")  # parts whose touches set how wide the intervals are

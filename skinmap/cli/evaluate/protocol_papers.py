@@ -17,8 +17,7 @@ from skinmap.cli.evaluate.command import Evaluation, Own, Rows, Settings
 from skinmap.commands.options import MAX_TOUCHES, open_robot
 from skinmap.io.recordings.image_files import read_images
 from skinmap.recognition.protocols import kaspar
-from skinmap.recognition.protocols.baxter import METHODS, evaluate_baxter
-from skinmap.recognition.protocols.baxter_images import ImageSet, given_images
+from skinmap.recognition.protocols.baxter import METHODS, ImageSet, evaluate_baxter, given_images
 from skinmap.recognition.protocols.kaspar import evaluate_carry_over
 from skinmap.recognition.protocols.results import BaxterResult, CarrySummary, KasparResult, SweepRow
 from skinmap.report.page import plain_figure, save_figure

@@ -14,7 +14,6 @@ from skinmap.recognition.protocols.folds import run_repeats
 from skinmap.recognition.protocols.recordings import (
     KINDS,
     NAIVE,
-    TOGETHER,
     Judged,
     check_spelling,
     evaluate_recordings,
@@ -25,6 +24,7 @@ from skinmap.recognition.protocols.results import LeftOutRow, RecordingsResult
 from skinmap.report.result import given
 from skinmap.report.table import Table
 from skinmap.rows import by_class, percent
+from skinmap.touch.recording import JOIN
 
 
 def work(settings: Settings) -> RecordingsResult:
@@ -81,7 +81,7 @@ def judged_touches(collection: Collection, only: Sequence[str]) -> list[Collecte
     for one in collection.touches:
         if not one.touch.label.strip():
             raise InvalidArrayError(f"a touch of {one.part!r} in {one.file} has no label")
-    found = [one for one in collection.touches if TOGETHER not in one.touch.label]
+    found = [one for one in collection.touches if JOIN not in one.touch.label]
     known = sorted({one.touch.label for one in found})
     if not known:
         raise InvalidArrayError(

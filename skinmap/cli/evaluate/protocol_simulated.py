@@ -25,17 +25,7 @@ from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.physics.pressing import import_mujoco
 from skinmap.physics.variants import DEFAULT, FROZEN, TUNING, VARIANTS
-from skinmap.recognition.protocols import physics
-from skinmap.recognition.protocols.cross_patch import (
-    DEFAULTS,
-    OURS,
-    check_carries_over,
-    cut_patches,
-    score_patches,
-    summarise,
-    touch_patches,
-)
-from skinmap.recognition.protocols.physics import evaluate_in_time, play
+from skinmap.recognition.protocols import transfer
 from skinmap.recognition.protocols.results import (
     CrossPatchResult,
     PatchesRow,
@@ -44,6 +34,17 @@ from skinmap.recognition.protocols.results import (
     SeenRow,
     StrokesRow,
     TimeResult,
+)
+from skinmap.recognition.protocols.transfer import (
+    DEFAULTS,
+    OURS,
+    check_carries_over,
+    cut_patches,
+    evaluate_in_time,
+    play,
+    score_patches,
+    summarise,
+    touch_patches,
 )
 from skinmap.report.table import Table
 from skinmap.rows import percent
@@ -109,11 +110,11 @@ def judge_physics(settings: Settings) -> PhysicsResult:
     if len(settings.names) > 1:
         raise click.UsageError("--protocol physics judges one classifier: name it once")
     import_mujoco()
-    classifier = settings.names[0] if settings.names else physics.CLASSIFIER
-    check_carries_over((classifier,))
+    classifier = settings.names[0] if settings.names else transfer.CLASSIFIER
+    transfer.check_carries_over((classifier,))
     loaded, parts = open_robot(settings.robot or "icub", settings.parts)
     skins = {part: PreparedSkin(loaded.skin(part)) for part in parts}
-    tested = set(physics.mirror_pairs(skins).values())
+    tested = set(transfer.mirror_pairs(skins).values())
     how = {"per_gesture": settings.per_gesture, **settings.drawn}
     gestures = list(chosen_gestures(settings))
     # Touches of each physics; for each part a training of each physics, and one without each.
@@ -121,7 +122,7 @@ def judge_physics(settings: Settings) -> PhysicsResult:
     touches = len(VARIANTS) * len(tested) + len(skins)
     trainings = len(tested) * (1 + len(TUNING) + worlds)
     with settings.working(settings.seeds * (touches + trainings), "physics") as shared:
-        rows = physics.evaluate_physics(
+        rows = transfer.evaluate_physics(
             skins, gestures=gestures, classifier=classifier, **how, **shared
         )
     return PhysicsResult(

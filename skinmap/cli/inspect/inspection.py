@@ -17,8 +17,7 @@ from skinmap.io.taxels.cyskin import file_faults, read_cyskin, set_faults
 from skinmap.io.taxels.taxel_table import read_taxels
 from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
 from skinmap.skin.cover import FAR, SkinFit, Standing, judge_standing, measure_fit
-from skinmap.skin.layouts import ModuleLayout, module_layout
-from skinmap.skin.modules import module_normals
+from skinmap.skin.modules import ModuleLayout, module_layout, module_normals
 from skinmap.skin.repair import RepairReport, repair_table
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, skin_from_table

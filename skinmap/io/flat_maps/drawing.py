@@ -17,7 +17,7 @@ import numpy as np
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, warn
 from skinmap.io.text import parse_floats, parse_whole, read_text
-from skinmap.skin.layouts import BUILTIN
+from skinmap.skin.modules import BUILTIN
 
 SECTION = "[SENSORS]"
 CHANNELS_PER_ID = 12  # of an id that is not drawn

@@ -25,8 +25,7 @@ from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.summary import first_few
 from skinmap.touch.contacts.skin_geometry import ACTIVE
-from skinmap.touch.recording import Recording
-from skinmap.touch.touch_labels import check_label
+from skinmap.touch.recording import Recording, check_label
 
 Numbered = Literal["channel", "id", "count"]
 MAX_BYTES = 2**30  # a table is read whole

@@ -15,8 +15,7 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, InvalidArrayError
 from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream, part_events
 from skinmap.io.text import CsvRows, parse_floats, read_text
-from skinmap.touch.recording import Recording
-from skinmap.touch.touch_labels import JOIN, UNNAMED, check_label
+from skinmap.touch.recording import JOIN, UNNAMED, Recording, check_label
 
 COLUMNS = ("part", "event", "began_s", "ended_s", "label", "session", "person")
 MAX_DIGITS = 9  # of the number of a touch

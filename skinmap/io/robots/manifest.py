@@ -32,7 +32,7 @@ from skinmap.io.robots.urdf import MeshBody, UrdfBody
 from skinmap.io.taxels.cyskin import has_channel, modules_of
 from skinmap.io.taxels.taxel_table import read_taxels
 from skinmap.io.text import MAX_CHANNEL, UNITS, is_file, parse_whole, read_text, read_toml
-from skinmap.skin.layouts import module_layout
+from skinmap.skin.modules import module_layout
 from skinmap.skin.robot import AUTO, Body, Part, Robot
 from skinmap.skin.taxels import NO_ID, TaxelTable
 from skinmap.validation import checked, toml_table

@@ -21,8 +21,7 @@ from scipy.spatial.transform import Rotation
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, InvalidMeshError, SkinError
 from skinmap.geometry.rigid import tangent_frames
-from skinmap.skin.joints import Joint, joint_transform
-from skinmap.skin.robot import Robot
+from skinmap.skin.robot import Joint, Robot, joint_transform
 from skinmap.skin.skin import Skin
 from skinmap.surface.surface_mesh import build_surface
 

@@ -30,7 +30,7 @@ from skinmap.interrupts import import_whole
 from skinmap.io.robots.mesh_file import file_metres, read_mesh
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
 from skinmap.io.text import is_file, parse_floats
-from skinmap.skin.joints import Joint, Kind, joint_transform
+from skinmap.skin.robot import Joint, Kind, joint_transform
 
 BODY = "body"  # the link of a body that is one mesh file
 SECTIONS = 48  # of a cylinder: 0.2 % of the radius off the round

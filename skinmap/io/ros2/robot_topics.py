@@ -19,8 +19,7 @@ from skinmap.io.ros2.messages import (
     transforms_message,
     wrench_message,
 )
-from skinmap.skin.joints import ancestors, joint_transform
-from skinmap.skin.robot import Robot
+from skinmap.skin.robot import Robot, ancestors, joint_transform
 
 DESCRIPTION, TF, TF_STATIC = "/robot_description", "/tf", "/tf_static"
 POINTS, MARKERS, JOINT_STATES = "/skin/points", "/skin/markers", "/joint_states"

@@ -30,7 +30,7 @@ from skinmap.errors import SkinMismatchError
 from skinmap.geometry.triangles import unit
 from skinmap.io.recordings.recorded_stream import Kind
 from skinmap.live.response.pressures import FOLLOWED, by_part
-from skinmap.physics.spring_bed import spring_bed
+from skinmap.physics.pressing import spring_bed
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.contacts.skin_geometry import HARD
 from skinmap.touch.load_calibration import NORMAL_90, ROUND, Covering, LoadCalibration

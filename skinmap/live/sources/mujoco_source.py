@@ -19,12 +19,12 @@ from skinmap.errors import InvalidArrayError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.sources.simulated_source import MadeSource, TrueTouch
 from skinmap.live.sources.source import SIMULATION, describe_skins
+from skinmap.physics.pressing import SpringBed, spring_bed
 from skinmap.physics.robot_model import RobotModel
 from skinmap.physics.simulation import TRIES, place_at
-from skinmap.physics.spring_bed import SpringBed, spring_bed
 from skinmap.skin.robot import Robot
 from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN
-from skinmap.touch.simulation.sensing import Sensing, Sensors
+from skinmap.touch.simulation.variety import Sensing, Sensors
 
 ABOVE = 6e-3  # pressers come from so far above the skin [m]
 REMEMBERED = 1000  # touches in `truth`, and poses kept for who draws them

@@ -26,7 +26,6 @@ from skinmap.live.sources.source import (
 from skinmap.skin.robot import Robot
 from skinmap.touch.simulation.gestures import FOUR
 from skinmap.touch.simulation.hands import gesture_set
-from skinmap.touch.simulation.sensing import Sensing
 from skinmap.touch.simulation.simulator import (
     GAP,
     MISSES,
@@ -36,7 +35,7 @@ from skinmap.touch.simulation.simulator import (
     place,
     prepare,
 )
-from skinmap.touch.simulation.variety import DEFAULT, Subject, draw_sensing, draw_subjects
+from skinmap.touch.simulation.variety import DEFAULT, Sensing, Subject, draw_sensing, draw_subjects
 
 REST = 240  # what an iCub's taxel sends untouched; less is harder [counts]
 CHUNK = 0.25  # samples are made so far in one go [s]

@@ -316,7 +316,8 @@ def train(
     torch = import_optional("torch", NEED)
     with _one_thread(torch), torch.random.fork_rng(devices=[]):
         torch.manual_seed(seed)
-        chance = _entropy(labels)
+        share = np.unique(labels, return_counts=True)[1] / len(labels)
+        chance = float(-(share * np.log(share)).sum())  # loss of always answering with the shares
         for _ in range(ATTEMPTS):
             net = _build(torch, images.shape[1:], len(names), recipe)
             *_, loss = _descend(torch, net, images, labels, recipe)
@@ -385,12 +386,6 @@ def _descend(
             descent.step()
             losses.append(whole)
         yield float(np.mean(losses)) if np.isfinite(losses).all() else np.nan
-
-
-def _entropy(labels: IntArray) -> float:
-    """The loss of always answering with the shares of the classes."""
-    share = np.unique(labels, return_counts=True)[1] / len(labels)
-    return float(-(share * np.log(share)).sum())
 
 
 def _build(torch: Any, shape: tuple[int, ...], classes: int, recipe: Recipe) -> Any:

@@ -38,7 +38,6 @@ from skinmap.touch.prepared_skin import PreparedSkin
 
 FOLDS = 4
 KINDS: tuple[FoldKind, ...] = ("plain", "event")
-TOGETHER = "+"  # joins the labels of touches at once
 
 
 def check_spelling(labels: Sequence[str]) -> None:

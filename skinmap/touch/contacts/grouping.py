@@ -27,7 +27,7 @@ from skinmap.touch.contacts.skin_geometry import (
     connected,
     pieces,
 )
-from skinmap.touch.touch_labels import RESERVED
+from skinmap.touch.recording import RESERVED
 
 if TYPE_CHECKING:
     from skinmap.touch.recording import Recording
@@ -206,7 +206,7 @@ def _grips(
     joined &= (np.abs(end[:, None] - end[None, :]) <= slack) | one_ended
     if known is not None:
         older = begin <= 0.0
-        touch = np.array([_commonest(known[one.taxels]) for one in contacts])
+        touch = np.array([np.bincount(known[one.taxels] + 1).argmax() - 1 for one in contacts])
         same = (touch[:, None] == touch) & (touch >= 0)
         joined = np.where(older[:, None] | older, same, joined)
     faint = _faint(contacts, levels)
@@ -224,11 +224,6 @@ def _grips(
         for a, b in zip(one.tolist(), other.tolist(), strict=True)
     ]
     return pieces(one[near], other[near], len(contacts))
-
-
-def _commonest(numbers: IntArray) -> int:
-    """The number that occurs most often."""
-    return int(np.bincount(numbers + 1).argmax()) - 1
 
 
 def _faint(contacts: tuple[Contact, ...], levels: FloatArray) -> BoolArray:

@@ -94,7 +94,9 @@ def find_rest(samples: ArrayLike, *, quiet: ArrayLike | None = None) -> Rest:
             raise InvalidArrayError(f"quiet must have shape ({len(table)},), got {marks.shape}")
         if marks.sum() < ENOUGH:
             return usual_rest(table.shape[1])
-        return _of_quiet(table[marks].astype(np.float32))
+        found = np.percentile(table[marks].astype(np.float32), [50, UPPER], axis=0)
+        middle, upper = found.astype(np.float64)
+        return _levels(middle, upper - middle)
     if len(table) < ENOUGH:
         return usual_rest(table.shape[1])
     return _unmarked(table.astype(np.float32))
@@ -112,11 +114,6 @@ def _unmarked(table: NDArray[np.float32]) -> Rest:
     noise = np.where(low <= 0.0, CUT_OFF * noise, noise)
     noise = np.maximum(noise, np.median(noise))
     return _levels(low, noise)
-
-
-def _of_quiet(table: NDArray[np.float32]) -> Rest:
-    middle, upper = np.percentile(table, [50, UPPER], axis=0).astype(np.float64)
-    return _levels(middle, upper - middle)
 
 
 def _levels(offset: FloatArray, noise: FloatArray) -> Rest:

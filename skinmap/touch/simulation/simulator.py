@@ -32,11 +32,10 @@ from skinmap.touch.recording import Recording, TrueMotion
 from skinmap.touch.simulation.elastic_bed import bed_loads, contact_width
 from skinmap.touch.simulation.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, TIME, Pad
 from skinmap.touch.simulation.hands import BODIES, Body, Draw, gesture_set, oblique, rolled
-from skinmap.touch.simulation.moving_touches import Ground, bed_press, lay
-from skinmap.touch.simulation.sensing import FULL_SCALE, Sensing, Sensors
-from skinmap.touch.simulation.time_gestures import TIME_GESTURES, Timing
+from skinmap.touch.simulation.moving_touches import TIME_GESTURES, Ground, Timing, bed_press, lay
 from skinmap.touch.simulation.variety import (
     DEFAULT,
+    FULL_SCALE,
     GRIPS,
     HABIT_SHIFT,
     HABIT_TURN,
@@ -45,6 +44,8 @@ from skinmap.touch.simulation.variety import (
     ROLLS,
     Habit,
     Places,
+    Sensing,
+    Sensors,
     Subject,
     beyond,
     check_variety,
@@ -90,11 +91,6 @@ class Stage:
     def maps(self) -> LogMaps:
         """What still touches are laid on: the plane around each taxel."""
         return LogMaps(self.skin.positions, self.skin.normals, self.graph, REACH)
-
-    @property
-    def gains(self) -> FloatArray:
-        """(n,) gain of each taxel."""
-        return self.sensors.gains
 
 
 @dataclass(frozen=True, eq=False, slots=True)

@@ -5,7 +5,7 @@ import pytest
 
 import skinmap
 from skinmap.errors import InvalidArrayError, UnknownNameError
-from skinmap.recognition.protocols.cross_patch import (
+from skinmap.recognition.protocols.transfer import (
     check_carries_over,
     cut_patches,
     score_patches,

@@ -4,22 +4,20 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError
+from skinmap.neighbours.structures import find_structures
 from skinmap.recognition.protocols import kaspar
 from skinmap.recognition.protocols.kaspar import (
-    PAPER,
-    SAMPLES,
-    evaluate_carry_over,
-    paper_rows,
-    sweep_radius_and_words,
-)
-from skinmap.recognition.protocols.samples import (
     LITERAL,
+    PAPER,
     ROTATED,
+    SAMPLES,
     count_votes,
     draw_samples,
+    evaluate_carry_over,
     learn,
+    paper_rows,
     resample,
-    structures_of,
+    sweep_radius_and_words,
 )
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 
@@ -69,7 +67,7 @@ def test_rest_adds_nothing_to_histograms_unless_they_are_literal(kaspar_skin, dr
     skin = kaspar_skin("right_hand")
     quiet = np.zeros((1, len(skin)), np.uint8)
     for recipe in (ROTATED, LITERAL):
-        structures = structures_of(recipe, skin.hoods)
+        structures = find_structures(skin.hoods, rotations=recipe.rotations)
         book = learn(recipe, structures, drawn.book, seed=0, words=8)
         total = count_votes(book, structures, quiet).sum()
         assert total == (len(skin) if recipe.literal else 0)

@@ -43,7 +43,7 @@ from skinmap.io.taxels.tactile_urdf import (
     write_tactile_urdf,
 )
 from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE, read_csv, read_skinware, read_taxels
-from skinmap.skin.layouts import module_layout
+from skinmap.skin.modules import module_layout
 from skinmap.skin.taxels import TaxelTable
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
 

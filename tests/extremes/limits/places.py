@@ -11,7 +11,7 @@ from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import jacobians, singular_values
 from skinmap.neighbours.offsets import neighbourhoods
 from skinmap.skin.cover import fit_to_mesh
-from skinmap.skin.layouts import BUILTIN
+from skinmap.skin.modules import BUILTIN
 from skinmap.skin.normals import repair_normals
 from skinmap.skin.repair import detect_unit
 
