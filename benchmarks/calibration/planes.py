@@ -20,7 +20,7 @@ from scipy.spatial import ConvexHull, cKDTree
 from benchmarks.calibration.links import counted, displaced, normalised
 from benchmarks.harness.timing import timed
 from calibration.mount.chains import Chain, robot_chain
-from calibration.plane.contacts import Plane, PlaneContacts
+from calibration.plane.model import Plane, PlaneContacts
 from calibration.plane.fit import PlaneFit, fit_plane
 from calibration.plane.poses import Obstacle, Pressing, candidates, pressing_poses
 from skinmap.arrays import FloatArray, IntArray

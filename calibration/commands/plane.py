@@ -24,8 +24,8 @@ PROPOSED = 3  # poses for the next presses
 
 if TYPE_CHECKING:
     from calibration.files.plane_files import PlaneEvidence
-    from calibration.plane.contacts import Plane
     from calibration.plane.fit import PlaneFit
+    from calibration.plane.model import Plane
     from skinmap.skin.robot import Robot
 
 
@@ -173,7 +173,7 @@ def read_planes(words: Sequence[str]) -> list[Plane] | None:
     """
     import numpy as np
 
-    from calibration.plane.contacts import Plane
+    from calibration.plane.model import Plane
 
     planes = []
     for text in words:

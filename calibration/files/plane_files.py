@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from calibration.files.mount_files import active_by_event, read_arrays
 from calibration.mount.chains import joint_columns
-from calibration.plane.contacts import PlaneContacts
+from calibration.plane.model import PlaneContacts
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole
 from skinmap.errors import DataFormatError, InvalidArrayError
 from skinmap.io.recordings.recorded_stream import RecordedStream

@@ -12,8 +12,7 @@ from calibration.mount.chains import Chain
 from calibration.mount.rigid_mount import some
 from calibration.patch.patch_calibration import Status
 from calibration.patch.patch_status import weakest_motion
-from calibration.plane.contacts import Plane, PlaneContacts
-from calibration.plane.model import Patch, PlaneProblem, PlaneState, patch_of
+from calibration.plane.model import Patch, Plane, PlaneContacts, PlaneProblem, PlaneState, patch_of
 from calibration.plane.poses import Proposal, most_telling, place_slopes
 from calibration.plane.solve import (
     Solution,

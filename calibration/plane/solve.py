@@ -13,11 +13,11 @@ from scipy.linalg import cho_factor, cho_solve
 
 from calibration.mount.rigid_mount import some
 from calibration.patch.patch_calibration import Status
-from calibration.plane.contacts import Plane
 from calibration.plane.model import (
     TAIL,
     TAU,
     Layout,
+    Plane,
     PlaneProblem,
     PlaneState,
     Spreads,

@@ -240,7 +240,7 @@ def _silent(case: Case) -> IntArray:
     import numpy as np
     from scipy.special import ndtr
 
-    from calibration.wiring.answer_model import DEAD, SPREAD, THRESHOLD
+    from calibration.wiring.touches import DEAD, SPREAD, THRESHOLD
 
     places = case.doctor.wiring.places(case.boards)
     near = np.linalg.norm(places[:, None] - places[None], axis=2) < AROUND * case.boards.pitch

@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from calibration.wiring.answer_model import THRESHOLD
 from calibration.wiring.boards import Boards
-from calibration.wiring.touches import Touch
+from calibration.wiring.touches import THRESHOLD, Touch
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.log_maps import log_map
 from skinmap.geometry.proximity import bridged_graph
