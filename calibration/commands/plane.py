@@ -305,10 +305,10 @@ def _write(robot: Robot, evidence: PlaneEvidence, fit: PlaneFit, folder: Path) -
 
 
 def _page(evidence: PlaneEvidence, fit: PlaneFit, result: PlaneResult) -> str:
-    from calibration.commands.pages import PLACED, judged_page, taxel_picture
+    from calibration.commands.pages import PLACED, judged_page, places_picture
 
     pictures = [
-        (f"{part} on its link", taxel_picture(fit.places[part], fit.predicted_sd(part)), PLACED)
+        (f"{part} on its link", places_picture(fit.places[part], fit.predicted_sd(part)), PLACED)
         for part in evidence.contacts.active
     ]
     title = f"Presses on a flat surface: {', '.join(result.calibrated)}"

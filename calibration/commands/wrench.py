@@ -158,10 +158,10 @@ def _write(name: str, placed: PlacedPatch, folder: Path) -> list[str]:
 def _page(name: str, placed: PlacedPatch, result: WrenchResult) -> str:
     import numpy as np
 
-    from calibration.commands.pages import PLACED, judged_page, taxel_picture
+    from calibration.commands.pages import PLACED, judged_page, places_picture
 
     errors = np.sqrt(np.einsum("nii->n", placed.covariance))
-    pictures = [("On the link", taxel_picture(placed.places, errors), PLACED)]
+    pictures = [("On the link", places_picture(placed.places, errors), PLACED)]
     return judged_page(f"Wrenches: {name}", result, _lines(result), pictures)
 
 
