@@ -216,7 +216,7 @@ def meshing_rows(sizes: tuple[int, ...]) -> list[dict[str, Any]]:
         skin = wavy_skin(size)
         tasks = {name: partial(mesher, skin) for name, mesher in methods.items()}
         for name, times in take_turns(tasks, REPEATS).items():
-            spread = quartiles(times.cpu)
+            spread = quartiles(times)
             rows.append({"method": name, "n": len(skin), "cpu_s": spread[1], "quartiles_s": spread})
     return rows
 

@@ -257,17 +257,15 @@ def contacts(skin: JoinedSkin, repeats: int) -> dict[str, Any]:
         for part in parts
     ]
     tracker = ContactTracker(skin)
-    times, counts = [], []
+    times = []
     for step in range(repeats + 50):
         press = 140.0 * (1.0 + 0.05 * rng.standard_normal(len(prints)))
         sample = read(press @ np.stack(prints), gains, rng)
         start = time.process_time()
         tracker.update(step / 50.0, sample)
         times.append((time.process_time() - start) * 1e3)
-        counts.append(len(tracker.present))
     cost = np.array(times[50:])
     return {
-        "touches": int(np.median(counts)),
         "median_ms": float(np.median(cost)),
         "quartiles_ms": quartiles(cost),
         "p95_ms": float(np.percentile(cost, 95)),
@@ -380,9 +378,7 @@ def follow(loop: TouchLoop, seconds: float) -> dict[str, Any]:
     share = touched / len(latencies)
     return {
         "seconds": now - since,
-        "samples": loop.counts.used,
         "lost": loop.totals()["lost"],
-        "dropped": loop.totals()["dropped"],
         "labels_a_second_while_touched": (loop.labels_given - labels) / seconds / share,
         "latency_ms": {"median": median, "p99": p99, "max": most},
         "cpu_share_of_one_core": cpu_share,
