@@ -95,8 +95,9 @@ class Layer:
         is stale.
     cut : (bool, bool)
         Whether lower and higher values than the limits have the colours of these.
-    source : callable
-        (part, moment) to (n,) values.
+    values : callable
+        (part, moment) to (n,) what the taxels of a part show; NaN where nothing is known. Of a part
+        that is not there, or a moment of another skin, UnknownNameError or SkinMismatchError.
     """
 
     name: str
@@ -104,7 +105,7 @@ class Layer:
     unit: str
     limits: tuple[float, float]
     table: NDArray[np.uint8]
-    source: Values
+    values: Values
     categories: tuple[str, ...] = ()
     live: bool = False
     missing: str = "nothing known"
@@ -115,16 +116,6 @@ class Layer:
     def heard(self) -> bool:
         """Whether a part without values is none of the source's."""
         return self.live or (self.name.partition(":")[0] == "touched" and not self.grey)
-
-    def values(self, part: str, moment: Moment | None) -> FloatArray:
-        """(n,) what the taxels of a part show; NaN where nothing is known.
-
-        Raises
-        ------
-        UnknownNameError, SkinMismatchError
-            A part that is not there, or a moment of another skin.
-        """
-        return self.source(part, moment)
 
     def rows(self, values: FloatArray) -> IntArray:
         """(n,) row of the table for each value (n,); -1 where nothing is known."""
@@ -332,7 +323,7 @@ class Layers:
             return self.counts
         limits = (0.0, KILOPASCALS * max(float(one.top.max()) for one in self._loads.values()))
         return replace(
-            self.counts, unit="kPa", limits=limits, missing="not calibrated", source=self._pressed
+            self.counts, unit="kPa", limits=limits, missing="not calibrated", values=self._pressed
         )
 
     def _pressed(self, part: str, moment: Moment | None) -> FloatArray:
