@@ -28,7 +28,7 @@ from viewer.colours import BODY, FAINT, INK, PANEL, RAW_STOPS, ramp, rgb
 from viewer.drawing.frame.camera import look_down, world_points
 from viewer.drawing.frame.canvas import BODY_SHARE, new_plotter
 from viewer.drawing.frame.polydata import add_actor, make_lines, make_mesh, show_cells
-from viewer.drawing.skin.draw_positions import LIFT, polygons
+from viewer.drawing.skin.skin_layer import LIFT, polygons
 from viewer.drawing.touches.touch_marks import ring_quads
 from viewer.drawing.words.legend import Legend
 from viewer.drawing.words.shapes import Line

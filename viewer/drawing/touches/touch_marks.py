@@ -21,8 +21,7 @@ from viewer.colours import faded as pale
 from viewer.drawing.frame.camera import Framing, Target, project
 from viewer.drawing.frame.polydata import add_actor, make_lines, make_mesh, show_cells
 from viewer.drawing.panel.touch_list import caption
-from viewer.drawing.skin.draw_positions import LIFT, Places
-from viewer.drawing.skin.skin_layer import HALF, LINE_LIFT, SkinLayer
+from viewer.drawing.skin.skin_layer import HALF, LIFT, LINE_LIFT, Places, SkinLayer
 from viewer.drawing.words.labels import Box, Coverage, Label, LabelLayer
 
 SHORT, LONG = 0.03, 0.07  # of arrows, for the lightest and the hardest press [m]
