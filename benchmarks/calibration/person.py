@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 
 import skinmap
 from calibration.wiring import Fault, Wiring, boards_of
-from calibration.wiring.boards import Boards
+from calibration.wiring.boards import Boards, all_faults
 from calibration.wiring.examination import Plan, examine_live
-from calibration.wiring.faults import all_faults
 from calibration.wiring.findings import CheckupResult, findings
 from calibration.wiring.history import changes_of, kept_part
 from calibration.wiring.touches import judge_rest

@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from calibration.wiring.boards import Boards, Wiring, compose
-from calibration.wiring.faults import Fault, Hypotheses, all_faults
+from calibration.wiring.boards import Boards, Fault, Hypotheses, Wiring, all_faults, compose
 from calibration.wiring.places import AGAIN, Candidates, Chooser, candidates
 from calibration.wiring.touches import (
     NEAR,

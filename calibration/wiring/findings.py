@@ -12,9 +12,8 @@ from skinmap.rows import column, row
 from skinmap.summary import first_few
 
 if TYPE_CHECKING:
-    from calibration.wiring.boards import Boards
+    from calibration.wiring.boards import Boards, Fault
     from calibration.wiring.examination import Case, Examination
-    from calibration.wiring.faults import Fault
     from calibration.wiring.history import History
     from skinmap.arrays import IntArray
 

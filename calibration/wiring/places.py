@@ -18,8 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from calibration.wiring.boards import Boards, Wiring, conjugate
-from calibration.wiring.faults import Fault, Hypotheses
+from calibration.wiring.boards import Boards, Fault, Hypotheses, Wiring, conjugate
 from calibration.wiring.touches import (
     NEAR,
     SHAPES,
