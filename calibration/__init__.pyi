@@ -3,9 +3,9 @@
 from calibration.mount.chains import Chain as Chain
 from calibration.mount.chains import TouchRecording as TouchRecording
 from calibration.mount.chains import robot_chain as robot_chain
-from calibration.mount.mount_wrench import fit_wrench as fit_wrench
 from calibration.mount.rigid_mount import MountFit as MountFit
 from calibration.mount.rigid_mount import fit_mount as fit_mount
+from calibration.mount.rigid_mount import fit_wrench as fit_wrench
 from calibration.mount.skin_contacts import SelfTouchFit as SelfTouchFit
 from calibration.mount.skin_contacts import self_touch as self_touch
 from calibration.patch.patch_calibration import PatchCalibration as PatchCalibration

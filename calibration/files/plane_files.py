@@ -24,7 +24,7 @@ from calibration.files.mount_files import active_by_event, read_arrays
 from calibration.mount.chains import joint_columns
 from calibration.plane.model import PlaneContacts
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole
-from skinmap.errors import DataFormatError, InvalidArrayError
+from skinmap.errors import DataFormatError, InvalidArrayError, check_known
 from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
@@ -202,11 +202,7 @@ def _from_recording(path: Path, robot: Robot, parts: Sequence[str]) -> PlaneEvid
         )
     joints = _names(np.array(track.joints), robot)
     wanted = tuple(parts) or tuple(name for name in track.parts if name in robot.part_specs)
-    for part in wanted:
-        if part not in track.parts:
-            raise DataFormatError(
-                f"does not hold {part!r}; the parts are: {', '.join(track.parts)}", path
-            )
+    check_known(f"part in {path}", wanted, track.parts)
     values = np.asarray(track.values[0 : len(track.times)], np.float64)
     active = {}
     for part in wanted:

@@ -17,6 +17,7 @@ from skinmap.geometry.proximity import closest_on_mesh, edge_graph
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import face_normals, unit, vertex_normals
 from skinmap.imports import import_meshlab
+from skinmap.summary import first_few
 
 ALPHA = 15e-3  # openings narrower than this are closed [m]
 DETAIL = 4e-3  # longest edge: a facet's sagitta stays below 0.1 mm on a wrist [m]
@@ -227,7 +228,6 @@ def _barycentric(points: FloatArray, corners: FloatArray) -> FloatArray:
 
 
 SHUT = 0.05  # of its area a mesh may lack and still hold a volume
-NAMED = 5  # faces that are named
 
 
 def mesh_notes(vertices: FloatArray, faces: IntArray) -> tuple[str, ...]:
@@ -242,10 +242,10 @@ def mesh_notes(vertices: FloatArray, faces: IntArray) -> tuple[str, ...]:
     sharing = count[edge.ravel()].reshape(-1, 3)
     notes = []
     for wrong, kind in ((sharing == 1, "open"), (sharing > 2, "not a manifold")):
-        rows = np.flatnonzero(wrong.any(axis=1))
-        if len(rows):
+        if rows := np.flatnonzero(wrong.any(axis=1)).tolist():
             notes.append(
-                f"the mesh is {kind} at {int(wrong.sum())} edges of {_named(rows)}: wrapped first"
+                f"the mesh is {kind} at {int(wrong.sum())} edges of {len(rows)} faces "
+                f"({first_few(rows)}): wrapped first"
             )
     a, b, c = (vertices[faces[:, k]] - vertices.mean(axis=0) for k in range(3))
     across = np.cross(b - a, c - a)
@@ -254,8 +254,3 @@ def mesh_notes(vertices: FloatArray, faces: IntArray) -> tuple[str, ...]:
     if closed and np.einsum("fd,fd->", a, np.cross(b, c)) < 0.0:
         notes.append(f"the mesh is inside out, all in all ({len(faces)} faces): wrapped first")
     return tuple(notes)
-
-
-def _named(rows: IntArray) -> str:
-    more = ", ..." if len(rows) > NAMED else ""
-    return f"{len(rows)} faces ({', '.join(map(str, rows[:NAMED]))}{more})"
