@@ -23,7 +23,7 @@ from skinmap.errors import InvalidArrayError
 PROPOSED = 3  # poses for the next presses
 
 if TYPE_CHECKING:
-    from calibration.files.plane_files import PlaneEvidence
+    from calibration.files.mount_files import PlaneEvidence
     from calibration.plane.fit import PlaneFit
     from calibration.plane.model import Plane
     from skinmap.skin.robot import Robot
@@ -199,7 +199,7 @@ def work(
     """Fit mounts to presses, and propose the next ones."""
     import numpy as np
 
-    from calibration.files.plane_files import read_plane_evidence
+    from calibration.files.mount_files import read_plane_evidence
     from calibration.plane.fit import fit_plane
     from calibration.plane.poses import part_chains
 
