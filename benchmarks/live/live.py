@@ -166,7 +166,6 @@ def kept_share(
     *,
     samples: int,
     rng: np.random.Generator,
-    rate: float = 50.0,
 ) -> float:
     """Share of samples in which two wandering fingers keep the numbers that they began with."""
     tracker = ContactTracker(skin)
@@ -174,9 +173,9 @@ def kept_share(
     middle = skin.positions[skin.slices[part]][pair]
     first: list[int] = []
     kept = 0
-    landed = round(0.2 * rate)  # then both press in full
+    landed = 10  # then both press in full
     for step in range(samples):
-        time = step / rate
+        time = step / 50.0
         turn = 2.0 * np.pi * (0.3 * time + np.array([0.0, 0.4]))
         sway = 3e-3 * np.column_stack([np.cos(turn), np.sin(turn), np.cos(2.0 * turn)])
         press = 120.0 * (1.0 + 0.1 * rng.standard_normal(2)) * min(1.0, (step + 1) / landed)
