@@ -49,7 +49,6 @@ schemas: $(READY)  ## docs/schemas and the tables of docs/json.md from the types
 
 docs: $(READY)  ## the documentation, to build/docs; a warning or a broken link is an error
 	$(BIN)/python -m sphinx -q -W --keep-going -b html docs build/docs
-	$(BIN)/python scripts/check_links.py build/docs
 
 tutorials: $(READY)  ## run the tutorials, which draw their own pictures into docs/pictures/tutorials
 	cd docs/pictures/tutorials && for script in ../../tutorials/*.py; do $(CURDIR)/$(BIN)/python $$script . || exit 1; done

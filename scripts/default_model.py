@@ -1,12 +1,10 @@
 """Make the model that comes with Skinmap, skinmap/recognition/default.skinmodel, from its seeds.
 
-    python scripts/default_model.py [--answers] [FILE]
+    python scripts/default_model.py [FILE]
 
 It learns from simulated touches on all parts of the iCub: ours, that vary, on sensors of six states
 a part, and MuJoCo's, in the variants that may be trained on. Both stay and go on in time. Some
-eight minutes; `python -m benchmarks.classify.default_model` judges it where it did not learn. With
---answers what gives the labels stays as it is in the file, and only what answers kind, motion and
-hand is made anew, from touches of their own: six minutes.
+eight minutes; `python -m benchmarks.classify.default_model` judges it where it did not learn.
 """
 
 from __future__ import annotations
@@ -36,7 +34,7 @@ from skinmap.recognition.answering import (
 )
 from skinmap.recognition.classifier import TouchClassifier
 from skinmap.recognition.descriptors import ContactGeometry, Touch
-from skinmap.recognition.model_file import load_classifier, save_classifier
+from skinmap.recognition.model_file import save_classifier
 from skinmap.recognition.named_classifiers import DEFAULT_FILE
 from skinmap.recognition.prediction_sets import set_calibration_from
 from skinmap.recognition.protocols.transfer import mirror_pairs
@@ -233,10 +231,8 @@ def single(arrays: dict[str, Any]) -> dict[str, Any]:
 
 def main() -> int:
     """Train and write."""
-    named = [one for one in sys.argv[1:] if one != "--answers"]
-    target = Path(named[0]) if named else DEFAULT_FILE
-    kept = "--answers" in sys.argv[1:]
-    model = load_classifier(DEFAULT_FILE) if kept else trained(all_touches())
+    target = Path(sys.argv[1]) if sys.argv[1:] else DEFAULT_FILE
+    model = trained(all_touches())
     model.own_answers = answers(answer_touches())
     save_classifier(model, target)
     for name, one in model.own_answers.machines.items():

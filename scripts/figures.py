@@ -19,8 +19,7 @@ ROOT = Path(__file__).resolve().parents[1]
 if str(ROOT) not in sys.path:  # run as a script
     sys.path.insert(0, str(ROOT))
 
-from benchmarks.harness.origin import changed, today  # noqa: E402
-from benchmarks.harness.record import table  # noqa: E402
+from benchmarks.harness.record import changed, table, today  # noqa: E402
 
 RESULTS = ROOT / "benchmarks" / "results"
 OLDER = 0.05  # of the code that ran for a result: a page shows when more than this has changed

@@ -1,8 +1,8 @@
 """Names of skinmap, from where they are defined: `skinmap/lazy.py` loads them on first use."""
 
-from calibration.mount.mount_wrench import fit_wrench as fit_wrench
 from calibration.mount.rigid_mount import MountFit as MountFit
 from calibration.mount.rigid_mount import fit_mount as fit_mount
+from calibration.mount.rigid_mount import fit_wrench as fit_wrench
 from calibration.mount.skin_contacts import SelfTouchFit as SelfTouchFit
 from calibration.mount.skin_contacts import self_touch as self_touch
 from calibration.patch.patch_calibration import PatchCalibration as PatchCalibration

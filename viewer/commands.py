@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -154,9 +155,10 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
     from skinmap.display import require_opengl
 
     require_opengl()
+    from viewer.export.beside import write_beside
     from viewer.inputs import checked_pose, checked_ranges, parse_address, read_token
     from viewer.interaction.view_file import Settings, has_camera, load_settings, load_view
-    from viewer.view_files import Wanted, write_files
+    from viewer.view_files import Wanted, shown_files, write_files
     from viewer.view_options import Look
     from viewer.window import open_window
 
@@ -177,8 +179,11 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
     other, later, named = None, 0.0, ""
     if options["beside"] is not None:
         other, then, named = _other(session, options)
-        if wanted.screenshot is not None:
-            return _beside(session, other, look, wanted, then, named)
+        if (picture := wanted.screenshot) is not None:
+            moment, beside = write_beside(
+                session, other, look, picture, wanted.at, then=then, named=named
+            )
+            return replace(shown_files(session, moment, [picture]), beside=beside)
         later = then or 0.0
     if wanted.files:
         return write_files(session, look, wanted)
@@ -197,8 +202,6 @@ def run_view(options: Mapping[str, Any]) -> ViewFiles | ViewWindow | ViewPage:
 
 def _other(session: Any, options: Mapping[str, Any]) -> tuple[Any, float | None, str]:
     """The session beside, its own moment [s] if it has one, and what it differs in."""
-    from dataclasses import replace
-
     name, kind = options["beside"], _beside_kind(options["beside"])
     if kind == "recording":
         given = _with_recording({**options, "robot": name, "source": "sim"})
@@ -215,21 +218,6 @@ def _other(session: Any, options: Mapping[str, Any]) -> tuple[Any, float | None,
         other.source = name if kind == "live" else session.source
     named = Path(name).name if kind in ("model", "calibration") else ""
     return other, float(name) if kind == "moment" else None, named
-
-
-def _beside(
-    session: Any, other: Any, look: Any, wanted: Any, then: float | None, named: str
-) -> ViewFiles:
-    """Write a picture of two recordings, moments, models, calibrations or live sources."""
-    from dataclasses import replace
-
-    from viewer.export.beside import write_beside
-    from viewer.view_files import shown_files
-
-    moment, beside = write_beside(
-        session, other, look, wanted.screenshot, wanted.at, then=then, named=named
-    )
-    return replace(shown_files(session, moment, [wanted.screenshot]), beside=beside)
 
 
 def _beside_kind(name: str) -> str:

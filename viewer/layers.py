@@ -3,6 +3,8 @@
 layers = Layers(skins)
 layer = layers.get("pressure")
 layer.colours(layer.values("torso", moment))
+
+Two sources side by side show parts and touches that they have in common, and how these differ.
 """
 
 from __future__ import annotations
@@ -10,16 +12,18 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import starmap
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
 from skinmap.errors import SkinMismatchError, UnknownNameError, check_known
-from skinmap.live.contacts.named_touch import Moment
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.live.touched_taxels import Touched
 from skinmap.neighbours.offsets import auto_radius, concatenate
 from skinmap.neighbours.structures import find_structures, usual_radius, usual_tolerance
+from skinmap.skin.skin import fingerprint
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -41,7 +45,6 @@ from viewer.colours import (
     rgb,
     steps,
 )
-from viewer.pair import ORDER, Pair
 from viewer.results import LAYERS
 
 Values = Callable[[str, Moment | None], FloatArray]
@@ -95,8 +98,9 @@ class Layer:
         is stale.
     cut : (bool, bool)
         Whether lower and higher values than the limits have the colours of these.
-    source : callable
-        (part, moment) to (n,) values.
+    values : callable
+        (part, moment) to (n,) what the taxels of a part show; NaN where nothing is known. Of a part
+        that is not there, or a moment of another skin, UnknownNameError or SkinMismatchError.
     """
 
     name: str
@@ -104,7 +108,7 @@ class Layer:
     unit: str
     limits: tuple[float, float]
     table: NDArray[np.uint8]
-    source: Values
+    values: Values
     categories: tuple[str, ...] = ()
     live: bool = False
     missing: str = "nothing known"
@@ -115,16 +119,6 @@ class Layer:
     def heard(self) -> bool:
         """Whether a part without values is none of the source's."""
         return self.live or (self.name.partition(":")[0] == "touched" and not self.grey)
-
-    def values(self, part: str, moment: Moment | None) -> FloatArray:
-        """(n,) what the taxels of a part show; NaN where nothing is known.
-
-        Raises
-        ------
-        UnknownNameError, SkinMismatchError
-            A part that is not there, or a moment of another skin.
-        """
-        return self.source(part, moment)
 
     def rows(self, values: FloatArray) -> IntArray:
         """(n,) row of the table for each value (n,); -1 where nothing is known."""
@@ -332,7 +326,7 @@ class Layers:
             return self.counts
         limits = (0.0, KILOPASCALS * max(float(one.top.max()) for one in self._loads.values()))
         return replace(
-            self.counts, unit="kPa", limits=limits, missing="not calibrated", source=self._pressed
+            self.counts, unit="kPa", limits=limits, missing="not calibrated", values=self._pressed
         )
 
     def _pressed(self, part: str, moment: Moment | None) -> FloatArray:
@@ -607,3 +601,99 @@ def _numbers(names: ArrayLike, n: int, part: str) -> IntArray:
     if unknown:
         raise UnknownNameError("health state", unknown[0], STATES)
     return np.array([STATES.index(word) for word in words.tolist()], np.int64)
+
+
+LEFT, RIGHT = "left", "right"
+ORDER = f"{RIGHT} less {LEFT}"
+Touches = tuple[NamedTouch | None, NamedTouch | None]
+
+
+class Pair:
+    """Layers of two scenes that stand side by side, for the layer "difference" of both.
+
+    Parameters
+    ----------
+    left, right : Layers
+
+    Attributes
+    ----------
+    parts : tuple of str
+        Parts of the same skin.
+    """
+
+    def __init__(self, left: Layers, right: Layers) -> None:
+        self.left, self.right = left, right
+        self.parts = common_parts(left.skins, right.skins)
+        left.stand_in(self)
+        right.stand_in(self)
+
+    def values(self, part: str) -> FloatArray | None:
+        """(n,) pressures now at the right, less those at the left; None without a common skin."""
+        if part not in self.parts:
+            return None
+        return self.right.pressed(part) - self.left.pressed(part)
+
+    def on_one_scale(self, layer: Layer) -> Layer:
+        """A layer of either side, with limits that hold those of both."""
+        sides = (
+            [] if layer.categories else [one.build(layer.name) for one in (self.left, self.right)]
+        )
+        limits = [one.limits for one in sides if one.unit == layer.unit] or [layer.limits]
+        return replace(layer, limits=(min(a for a, _ in limits), max(b for _, b in limits)))
+
+    def touches(self) -> tuple[NamedTouch, ...]:
+        """Touches of the common parts now, with both names and the way between both places."""
+        sides = [
+            () if one.moment is None else [t for t in one.moment.touches if t.part in self.parts]
+            for one in (self.left, self.right)
+        ]
+        return tuple(starmap(moved_touch, paired_touches(*sides)))
+
+
+def common_parts(
+    left: Mapping[str, PreparedSkin], right: Mapping[str, PreparedSkin]
+) -> tuple[str, ...]:
+    """Parts of the same name and the same skin."""
+    return tuple(
+        part
+        for part, skin in left.items()
+        if part in right and fingerprint(skin.skin) == fingerprint(right[part].skin)
+    )
+
+
+def paired_touches(left: Sequence[NamedTouch], right: Sequence[NamedTouch]) -> list[Touches]:
+    """Touches of both; of a part those with most taxels in common are mates, then the nearest."""
+    ways = sorted(
+        (_apart(touch, one), k, m)
+        for k, touch in enumerate(left)
+        for m, one in enumerate(right)
+        if touch.part == one.part
+    )
+    mates: dict[int, int] = {}
+    for _, k, m in ways:  # the best of all ways first, whatever the order of the touches
+        if k not in mates and m not in mates.values():
+            mates[k] = m
+    rows: list[Touches] = [
+        (touch, right[mates[k]] if k in mates else None) for k, touch in enumerate(left)
+    ]
+    return rows + [(None, one) for m, one in enumerate(right) if m not in mates.values()]
+
+
+def moved_touch(left: NamedTouch | None, right: NamedTouch | None) -> NamedTouch:
+    """The touch as the difference shows it: both names, and the way from its place at the left."""
+    either = right or left
+    assert either is not None
+    name, path = either.label, None
+    if left is None or right is None:
+        name = f"{name}, {RIGHT if left is None else LEFT} only"
+    else:
+        name = name if name == left.label else f"{left.label}, {RIGHT} {name}"
+        path = np.stack([left.centre, right.centre])
+    return replace(
+        either, label=name, confidence=np.nan, path=path, motion=None, answers=None, load=None
+    )
+
+
+def _apart(touch: NamedTouch, one: NamedTouch) -> tuple[int, float]:
+    shared = len(np.intersect1d(one.taxels, touch.taxels))
+    return -shared, float(np.linalg.norm(one.centre - touch.centre))

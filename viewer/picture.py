@@ -283,19 +283,6 @@ def _said(thing: str | Path) -> str | None:
         return builtin_named(source.info.robot)
 
 
-def _cell(
-    robot: Robot,
-    skins: Mapping[str, PreparedSkin],
-    layer: str,
-    moments: Sequence[Moment],
-    now: int,
-) -> Cell:
-    """A page that plays moments, with a picture of one of them."""
-    scene = make_scene(robot, skins)
-    reel = pack_reel(scene, Layers(skins), moments, now=now, layer=layer)
-    return Cell(page(scene.packed, reel, robot.name), _still(robot, skins, layer, moments[now]))
-
-
 def _still(
     robot: Robot, skins: Mapping[str, PreparedSkin], layer: str, moment: Moment
 ) -> bytes | None:
@@ -343,11 +330,14 @@ def _parts_of(session: Session) -> tuple[str, ...]:
 
 
 def _played(session: Session, layer: str, seconds: float | None) -> Cell:
-    """What a session sends, played."""
+    """A page that plays what a session sends, with a picture of what tells most."""
     excerpt, best = Excerpt(), at_rest(session.skins)
     for moment in excerpt.watch(session.moments(seconds)):
         best = max(best, moment, key=lambda one: sum(len(touch.taxels) for touch in one.touches))
     moments, now = excerpt.around(best if excerpt.moments else None)
     if not moments or now is None:
         raise InvalidArrayError(f"{session.source}: no sample to show")
-    return _cell(session.robot, session.skins, layer, moments, now)
+    robot, skins = session.robot, session.skins
+    scene = make_scene(robot, skins)
+    reel = pack_reel(scene, Layers(skins), moments, now=now, layer=layer)
+    return Cell(page(scene.packed, reel, robot.name), _still(robot, skins, layer, moments[now]))

@@ -12,7 +12,7 @@ from typing import Any
 from skinmap.live.contacts.named_touch import Moment
 from viewer.interaction.controls import Controls
 from viewer.interaction.mouse import Events, Pace
-from viewer.pair import LEFT, RIGHT, Pair
+from viewer.layers import LEFT, RIGHT, Pair
 from viewer.playing.overview import new_players
 from viewer.playing.player import Player
 from viewer.results import ViewWindow

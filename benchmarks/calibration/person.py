@@ -23,9 +23,8 @@ from numpy.typing import NDArray
 
 import skinmap
 from calibration.wiring import Fault, Wiring, boards_of
-from calibration.wiring.boards import Boards
+from calibration.wiring.boards import Boards, all_faults
 from calibration.wiring.examination import Plan, examine_live
-from calibration.wiring.faults import all_faults
 from calibration.wiring.findings import CheckupResult, findings
 from calibration.wiring.history import changes_of, kept_part
 from calibration.wiring.touches import judge_rest
@@ -434,7 +433,8 @@ def rest_rows(trials: Trials, runs: int) -> list[dict[str, Any]]:
             inside = trials.boards.columns[module]
             one = raw.copy()
             one[:, a] = one[0, a]
-            wanted["stuck"] += stands(one, trials) == [[a]]
+            still = judge_rest(one, trials.boards)
+            wanted["stuck"] += [*still.rows("stuck"), *still.rows("dead")] == [[a]]
             one = raw.copy()
             one[:, inside[inside >= 0]] = 255
             wanted["mute"] += judge_rest(one, trials.boards).mute == (module,)
@@ -451,15 +451,9 @@ def rest_rows(trials: Trials, runs: int) -> list[dict[str, Any]]:
     return rows
 
 
-def stands(rest: Any, trials: Trials) -> list[list[int]]:
-    """Rows that stand still at rest, whatever their level."""
-    found = judge_rest(rest, trials.boards)
-    return [*found.rows("stuck"), *found.rows("dead")]
-
-
-def raw_rest(n: int, noise: float, rng: np.random.Generator, samples: int = REST) -> Any:
+def raw_rest(n: int, noise: float, rng: np.random.Generator) -> Any:
     """Raw counts (t, n) round 240: noise, slow drift, and a little hum that all channels share."""
-    drift = np.cumsum(rng.normal(0.0, 0.01, (samples, n)), axis=0)
-    hum = 0.15 * noise * np.sin(2 * np.pi * 0.37 * np.arange(samples))[:, None]
+    drift = np.cumsum(rng.normal(0.0, 0.01, (REST, n)), axis=0)
+    hum = 0.15 * noise * np.sin(2 * np.pi * 0.37 * np.arange(REST))[:, None]
     level = rng.uniform(235.0, 245.0, n)
-    return np.rint(level + drift + hum + rng.normal(0.0, noise, (samples, n)))
+    return np.rint(level + drift + hum + rng.normal(0.0, noise, (REST, n)))

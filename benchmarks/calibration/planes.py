@@ -20,8 +20,8 @@ from scipy.spatial import ConvexHull, cKDTree
 from benchmarks.calibration.links import counted, displaced, normalised
 from benchmarks.harness.timing import timed
 from calibration.mount.chains import Chain, robot_chain
-from calibration.plane.contacts import Plane, PlaneContacts
 from calibration.plane.fit import PlaneFit, fit_plane
+from calibration.plane.model import Plane, PlaneContacts
 from calibration.plane.poses import Obstacle, Pressing, candidates, pressing_poses
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import transform_points
@@ -257,7 +257,6 @@ def _measured(one: Bench, fit: PlaneFit, seconds: float) -> dict[str, Any]:
     error = fit.places[one.part] - one.places
     return {
         "p95": MM * float(np.percentile(np.linalg.norm(error, axis=1), 95)),
-        "stated": MM * float(np.percentile(fit.predicted_sd(one.part), 95)),
         "square": normalised(error, fit.place_covariances[one.part]),
         "status": str(fit.status),
         "seconds": seconds,
@@ -272,9 +271,7 @@ def _row(runs: list[dict[str, Any]]) -> dict[str, Any]:
         "taxels_p95_mm": {
             "median": float(np.median(p95)),
             "p95": float(np.percentile(p95, 95)),
-            "max": max(p95),
         },
-        "stated_sd_mm": float(np.median([run["stated"] for run in runs])),
         "normalised_error_squared": float(np.mean([run["square"] for run in runs])),
         "observable": 2 * ok > len(runs),
         "ok": ok,

@@ -105,12 +105,11 @@ def time_row(name: str, skins: dict[str, Placed]) -> dict[str, Any]:
 
         def run(compiled: bool = key == "compiled") -> None:
             hoods = hoods_of(skins, RADIUS)
-            found = find_structures(hoods, rotations=LATTICE, compiled=compiled)
-            row["taxels"] = len(found.labels)
+            find_structures(hoods, rotations=LATTICE, compiled=compiled)
 
-        times = take_turns({key: run}, REPEATS)[key]
-        row[f"cpu_s_{key}_rotations_6"] = round(times.median, 3)
-        row[f"quartiles_s_{key}_rotations_6"] = quartiles(times.cpu)
+        spread = quartiles(take_turns({key: run}, REPEATS)[key])
+        row[f"cpu_s_{key}_rotations_6"] = round(spread[1], 3)
+        row[f"quartiles_s_{key}_rotations_6"] = spread
     return row
 
 
@@ -143,7 +142,6 @@ def noise_row(name: str, radius: float, seeds: int) -> dict[str, Any]:
         "radius_mm": 1e3 * radius,
         "rotations": LATTICE,
         "noise_mm": 1e3 * NOISE,
-        "taxels": len(quiet.labels),
         "structures": len(quiet.prototypes),
         "adjusted_rand_index": {"worst": min(index), "mean": float(np.mean(index))},
     }
@@ -241,11 +239,8 @@ def histogram_row(rotations: int, share: float, rounds: int) -> dict[str, Any]:
     loop = np.array([literal_loop(book, structures, sample) for sample in some])
     ways = (plain.count(some), fast.count(some), np.array([plain.count_one(x) for x in some]))
     return {
-        "taxels": len(points),
-        "structures": len(book.words),
         "rotations": rotations,
         "active_share": share,
-        "one_sample_us": medians(one_times, 1e6),
         "batch_us_per_sample": medians(batch_times, 1e6 / BATCH),
         "votes_that_differ": int(sum(np.abs(way - loop).sum() for way in ways)),
         "ratio_quartiles": ratios,
@@ -352,10 +347,6 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
     gap = np.abs(ours.decision_function(z) - peer(z)).max()
     return {
         "counts": "real" if real else "whole",
-        "samples": test,
-        "bins": x.shape[1],
-        "support_vectors": len(support),
-        "samples_us": medians(many_times, 1e6),
         "one_sample_us": medians(single_times, 1e6),
         "largest_difference": float(gap),
         "labels_that_differ": int((ours.predict(z) != svc.predict(known)).sum()),

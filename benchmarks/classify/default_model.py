@@ -189,12 +189,7 @@ def named_rows(count: int) -> dict[str, Any]:
     tests[f"MuJoCo, {FROZEN}"] = frozen_variant(count)
     rows = [row(where, one, kind) for where, one in tests.items() for kind in (FOUR, TIME)]
     for one in rows:
-        print(
-            f"{one['tested_on']}, {one['kind']}: {100 * one['mean']:.1f} % of {one['touches']}, "
-            f"ece {one['ece']:.2f}, in random order {100 * one['in_random_order']:.1f} %; "
-            f"sets hold {100 * one['sets_held']:.1f} % by {one['names_in_a_set']:.2f} names, "
-            f"as familiar {100 * one['sets_held_as_familiar']:.1f} %"
-        )
+        print(json.dumps(one))
     return {
         **about("full"),
         "kilobytes": DEFAULT_FILE.stat().st_size / 1e3,

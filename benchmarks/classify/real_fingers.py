@@ -16,8 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.harness.keep import run
-from benchmarks.harness.origin import watched
-from benchmarks.harness.record import RESULTS, about, write
+from benchmarks.harness.record import RESULTS, about, watched, write
 from skinmap.cli.evaluate.protocol_real import ARCHIVE, FOLDER
 from skinmap.io.recordings.cyskin_arrays import find_pressed, read_pressed
 from skinmap.recognition.classifier import DEFAULT, TouchClassifier, classifiers

@@ -54,7 +54,7 @@ def measure(quick: bool) -> dict[str, Any]:
 def pair_row(variety: float, seeds: int, count: int) -> dict[str, Any]:
     """Shares of pairs with both names right, and of single touches under the same grouping."""
     robot, skins = skinmap.load_robot("icub"), skins_of("icub")
-    right: dict[str, list[bool]] = {part: [] for part in skins}
+    both: list[bool] = []
     two: list[bool] = []
     alone: list[bool] = []
     for seed in range(seeds):
@@ -64,25 +64,22 @@ def pair_row(variety: float, seeds: int, count: int) -> dict[str, Any]:
             for part, rng in zip(TRAINED_PARTS, rngs, strict=True)
         ]
         model = skinmap.train(train, robot, classifier="contact-geometry", rng=seed)
-        for number, (part, skin) in enumerate(skins.items()):
+        for number, skin in enumerate(skins.values()):
             rng = np.random.default_rng([seed, number])
             pairs = simulate_pairs(skin.skin, rng=rng, count=count, variety=variety)
             hits, found = named(model, skin, pairs)
-            right[part] += hits
+            both += hits
             two += [touches == 2 for touches in found]
             rng = np.random.default_rng([50 + seed, number])
             single = simulate(skin.skin, rng=rng, per_gesture=max(2, count // 3), variety=variety)
             alone += named(model, skin, single)[0]
-    every = [one for hits in right.values() for one in hits]
     return {
         "variety": variety,
         "trained_on": TRAINED_PARTS,
-        "both_right": float(np.mean(every)),
+        "both_right": float(np.mean(both)),
         "two_touches_found": float(np.mean(two)),
         "single_touches_right": float(np.mean(alone)),
-        "pairs": len(every),
-        "per_part": {part: float(np.mean(hits)) for part, hits in right.items() if hits},
-        "run": {"seeds": seeds, "touches_per_gesture": count},
+        "pairs": len(both),
     }
 
 

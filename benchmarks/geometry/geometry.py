@@ -63,12 +63,8 @@ def saddle(n: int) -> tuple[np.ndarray, np.ndarray]:
     return np.column_stack([x, y, 0.5 * (x * x - y * y)]), np.concatenate([lower, upper])
 
 
-def flattening_rows(sizes: tuple[int, ...]) -> list[dict[str, Any]]:
-    """One row a method and size: CPU seconds, multiples of C, flips and distortion."""
-    return [row for n in sizes for row in _rows_of_size(n)]
-
-
-def _rows_of_size(n: int) -> list[dict[str, Any]]:
+def flattening_rows(n: int) -> list[dict[str, Any]]:
+    """One row a method at a size: CPU seconds, multiples of C, flips and distortion."""
     vertices, faces = saddle(n)
     loop = boundary_loops(faces)[0]
     factors = factor_cases(vertices, faces, loop)
@@ -158,13 +154,10 @@ def peer_cases(
 
 
 def large_rows(n: int) -> list[dict[str, Any]]:
-    """Our methods on a large saddle, each once, in a process of its own that shows its memory."""
-    rows: list[dict[str, Any]] = afresh(_large, n)
-    return rows
+    """Our methods on a large saddle, each once, then the factorisation.
 
-
-def _large(n: int) -> list[dict[str, Any]]:
-    """A row a method, then that of the factorisation."""
+    In a process of its own, which shows its memory.
+    """
     vertices, faces = saddle(n)
     rows = []
     for name in OURS:
@@ -216,7 +209,7 @@ def meshing_rows(sizes: tuple[int, ...]) -> list[dict[str, Any]]:
         skin = wavy_skin(size)
         tasks = {name: partial(mesher, skin) for name, mesher in methods.items()}
         for name, times in take_turns(tasks, REPEATS).items():
-            spread = quartiles(times.cpu)
+            spread = quartiles(times)
             rows.append({"method": name, "n": len(skin), "cpu_s": spread[1], "quartiles_s": spread})
     return rows
 
@@ -241,9 +234,9 @@ def measure(quick: bool, *, sizes: tuple[int, ...] = SIZES, large: int = LARGE) 
     large : int
         Vertices of the mesh that shows its memory; 0 leaves it out.
     """
-    rows = flattening_rows((1_000,) if quick else sizes)
+    rows = [row for n in ((1_000,) if quick else sizes) for row in flattening_rows(n)]
     if large and not quick:
-        rows += large_rows(large)
+        rows += afresh(large_rows, large)
     result: dict[str, Any] = {
         "flattening": rows,
         "icub": icub_row(repeats=1 if quick else 5),

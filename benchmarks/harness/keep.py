@@ -3,7 +3,7 @@
     python -m benchmarks.harness.keep evaluation_kaspar evaluate --protocol kaspar --seeds 5
 
 writes benchmarks/results/evaluation_kaspar.json: its JSON, and under `made` the head of `about`,
-the command and the pieces of code behind it (`origin`). Caches are empty, so that all that it takes
+the command and the pieces of code behind it. Caches are empty, so that all that it takes
 runs; with `--jobs` the pieces that run in other processes would be missing, so it is refused.
 """
 
@@ -16,8 +16,7 @@ import tempfile
 from typing import Any
 from unittest import mock
 
-from benchmarks.harness.origin import watched
-from benchmarks.harness.record import RESULTS, about, write
+from benchmarks.harness.record import RESULTS, about, watched, write
 
 
 def run(words: list[str]) -> dict[str, Any]:

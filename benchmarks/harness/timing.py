@@ -1,4 +1,4 @@
-"""CPU and wall time of tasks that take turns, and memory: what every benchmark measures with.
+"""CPU time of tasks that take turns, and memory: what every benchmark measures with.
 
 A task and its peer stand in one table; each is run once to warm up, then all take turns, so that
 a machine that grows busy or warm does so for all of them. What is told is the median over the
@@ -12,7 +12,6 @@ import os
 import resource
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,27 +19,7 @@ import numpy as np
 
 Task = Callable[[], object] | tuple[Callable[[], object], int]
 Quartiles = tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class Times:
-    """CPU and wall time of each run of a task [s], in the order of the turns."""
-
-    cpu: tuple[float, ...]
-    wall: tuple[float, ...]
-
-    @property
-    def median(self) -> float:
-        """Median CPU time [s]."""
-        return float(np.median(self.cpu))
-
-    def row(self, scale: float = 1.0) -> dict[str, Any]:
-        """Quartiles of CPU and wall time, in a unit of 1 / `scale` seconds."""
-        return {
-            "cpu": quartiles(np.array(self.cpu) * scale),
-            "wall": quartiles(np.array(self.wall) * scale),
-            "turns": len(self.cpu),
-        }
+Times = dict[str, np.ndarray]  # CPU time of each turn of a task [s]
 
 
 def quartiles(values: Any) -> Quartiles:
@@ -83,8 +62,8 @@ def peak_mb() -> float:
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def take_turns(tasks: Mapping[str, Task], rounds: int, *, settling: int = 0) -> dict[str, Times]:
-    """Times of each task over rounds in which they take turns.
+def take_turns(tasks: Mapping[str, Task], rounds: int, *, settling: int = 0) -> Times:
+    """CPU times of each task over rounds in which they take turns.
 
     Parameters
     ----------
@@ -96,44 +75,37 @@ def take_turns(tasks: Mapping[str, Task], rounds: int, *, settling: int = 0) -> 
     """
     table = {name: task if isinstance(task, tuple) else (task, 1) for name, task in tasks.items()}
     cpu: dict[str, list[float]] = {name: [] for name in table}
-    wall: dict[str, list[float]] = {name: [] for name in table}
     for run, _ in table.values():
         run()
     for _ in range(rounds):
         for name, (run, repeats) in table.items():
             for _ in range(settling):
                 run()
-            began, spent = time.perf_counter(), time.process_time()
+            spent = time.process_time()
             for _ in range(repeats):
                 run()
             cpu[name].append((time.process_time() - spent) / repeats)
-            wall[name].append((time.perf_counter() - began) / repeats)
-    return {name: Times(tuple(cpu[name]), tuple(wall[name])) for name in table}
+    return {name: np.array(one) for name, one in cpu.items()}
 
 
-def medians(times: Mapping[str, Times], scale: float = 1.0) -> dict[str, float]:
+def medians(times: Times, scale: float = 1.0) -> dict[str, float]:
     """Median CPU time of each task, in a unit of 1 / `scale` seconds."""
-    return {name: scale * one.median for name, one in times.items()}
+    return {name: scale * float(np.median(one)) for name, one in times.items()}
 
 
-def ratio_quartiles(
-    times: Mapping[str, Times], ratios: Mapping[str, tuple[str, str]]
-) -> dict[str, Quartiles]:
+def ratio_quartiles(times: Times, ratios: Mapping[str, tuple[str, str]]) -> dict[str, Quartiles]:
     """Quartiles of ratios of CPU times, each of two tasks in the same turn.
 
     Parameters
     ----------
-    times : mapping of str to Times
+    times : dict
         As `take_turns` gives them.
     ratios : mapping of str to (str, str)
         A name, and the tasks above and below the line.
     """
-    return {
-        name: quartiles(np.array(times[above].cpu) / np.array(times[below].cpu))
-        for name, (above, below) in ratios.items()
-    }
+    return {name: quartiles(times[above] / times[below]) for name, (above, below) in ratios.items()}
 
 
-def spreads(times: Mapping[str, Times], scale: float = 1.0) -> dict[str, dict[str, Any]]:
-    """Quartiles of CPU and wall time of each task, in a unit of 1 / `scale` seconds."""
-    return {name: one.row(scale) for name, one in times.items()}
+def spreads(times: Times, scale: float = 1.0) -> dict[str, dict[str, Quartiles]]:
+    """Quartiles of CPU time of each task, in a unit of 1 / `scale` seconds."""
+    return {name: {"cpu": quartiles(scale * one)} for name, one in times.items()}

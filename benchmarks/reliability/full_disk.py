@@ -55,8 +55,8 @@ COMMANDS = {
     "view --movie": "view icub --part left_hand --source sim --seconds 1 --movie OUT.gif",
     "view --html": "view icub --part left_hand --source sim --seconds 1 --html OUT.html",
     "view --screenshot glb": "view icub --part left_hand --source sim --screenshot OUT.glb",
-    "anchors --screenshot": f"anchors --layout {BOARD}/board.csv --mesh {BOARD}/link.stl "
-    f"--anchors {BOARD}/anchors.csv --screenshot OUT.png",
+    "calibrate wrap --window": f"calibrate wrap --layout {BOARD}/board.csv --mesh {BOARD}/link.stl "
+    f"--anchors {BOARD}/anchors.csv --window OUT.png -o OUT",
 }
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -32,9 +33,12 @@ HALT = 0.3  # seconds between SIGSTOP and SIGCONT
 LONGEST = 1200.0  # of a command, on a busy machine too [s]
 LATE = 60.0  # what ends so long after it was told to has not listened [s]
 SKINMAP = "from skinmap.cli.main import main; main()"
-CODES = {"SIGINT": 130, "SIGTERM": 143, "SIGKILL": -9}
-KINDS = ("SIGINT", "SIGTERM", "SIGKILL", "SIGSTOP")
 LOCK = "LOCK"
+CODES = {"SIGINT": 130, "SIGTERM": 143, "SIGKILL": -9, LOCK: 2}
+WORDS = {
+    "SIGINT": "Error: interrupted", "SIGTERM": "Error: terminated", LOCK: "Error: cannot.*"
+}  # fmt: skip
+KINDS = ("SIGINT", "SIGTERM", "SIGKILL", "SIGSTOP")
 ENDS = ("before", "under_way", "after", "refused", "done")
 DROP_FROM_BOUNDS, CAP_DAC_OVERRIDE = 24, 1  # of prctl and of the rights of a process, by Linux
 
@@ -103,10 +107,7 @@ def _of_command(
             place.mkdir()
             out = place / "out"
             moment = float(rng.uniform(0.0, took))
-            if kind == LOCK:
-                when, fault = lock(words, out, given, moment, names=names)
-            else:
-                when, fault = stop(words, out, given, kind, moment, names=names)
+            when, fault = stop(words, out, given, kind, moment, names=names)
             counts[when] += 1
             if fault:
                 faults.append(f"{kind} after {moment:.2f} s: {fault}")
@@ -129,28 +130,33 @@ def stop(
     *,
     names: frozenset[str] = frozenset(),
 ) -> tuple[str, str]:
-    """Stop a command after so many seconds, or, without any, once it listens to signals.
+    """Stop a command, or lock its result's folder, after so many seconds, or once it listens.
 
     `names` are the files that a whole result has, where it is a folder.
 
     Returns
     -------
     when : str
-        It was hit `before` it listened, `under_way` or `after` its end.
+        It was hit `before` it listened, `under_way` or `after` its end. Of locked folders: the
+        command was `refused`, or had `done` its work.
     fault : str
         What was wrong about how it ended, or "".
     """
-    running = start(words, out, given)
-    if reach(running, moment):
+    locks = kind == LOCK
+    running = start(words, out, given, first=_obey if locks else None)
+    if reach(running, moment) and not locks:
         said, _ = wait(running)
         return "after", "" if running.returncode in (0, 3) else f"failed: {said[-200:]}"
+    folders = [out.parent, *(path for path in out.parent.rglob("*") if path.is_dir())] * locks
+    for one in folders:
+        one.chmod(0o555)
     if kind == "SIGSTOP":  # it goes on afterwards as if nothing had been
         os.killpg(running.pid, signal.SIGSTOP)
         time.sleep(HALT)
         os.killpg(running.pid, signal.SIGCONT)
     elif kind == "SIGINT":
         os.killpg(running.pid, signal.SIGINT)  # as a terminal does
-    else:
+    elif not locks:
         running.send_signal(getattr(signal, kind))
     told = time.monotonic()
     said, code = wait(running)
@@ -158,82 +164,38 @@ def stop(
     left = left_of(running.pid)
     for process in left:
         os.kill(process, signal.SIGKILL)
+    for one in filter(Path.exists, folders):
+        one.chmod(0o755)
+    result, when = result_of(words, out), "under_way"
+    if locks:
+        when = "done" if code in (0, 3) else "refused"
     if left:
-        return "under_way", f"{len(left)} processes left after {GONE:g} s"
-    if kind != "SIGSTOP" and late > LATE:
-        return "under_way", f"went on for {late:.0f} s"
-    result = result_of(words, out)
-    if code == -getattr(signal, kind) and kind != "SIGKILL":  # as any program ends
+        return when, f"{len(left)} processes left after {GONE:g} s"
+    if kind not in ("SIGSTOP", LOCK) and late > LATE:
+        return when, f"went on for {late:.0f} s"
+    if not locks and kind != "SIGKILL" and code == -getattr(signal, kind):  # as any program ends
         when = "after" if result.exists() else "before"
         return when, "" if when == "before" or opens(result, names) else "half a result"
-    return "under_way", _judged(kind, code, said, result, names)
+    return when, _judged(kind, code, said, result, names)
 
 
 def _judged(kind: str, code: int, said: str, result: Path, names: frozenset[str]) -> str:
     """What is wrong about how a stopped command ended; "" where nothing is."""
-    done = code in (0, 3)  # it was just ready, or ends as if nothing had been
+    done, killed = code in (0, 3), kind == "SIGKILL"  # it was ready, or goes on as if nothing was
     if not done and code != CODES.get(kind, 0):
         return f"exit {code}: {said[-300:]}"
     if "Traceback" in said or "Exception ignored" in said:
         return f"a traceback: {said[-500:]}"
-    if not done and kind != "SIGKILL":
-        last = said.strip().splitlines()[-1:]
-        wanted = "Error: interrupted" if kind == "SIGINT" else "Error: terminated"
-        if last != [wanted]:
-            return f"said {last}"
-    if kind != "SIGKILL":
-        partial = [path.name for path in result.parent.rglob(".skinmap-*")]
-        if partial:
-            return f"left {partial}"
+    last = said.strip().splitlines()[-1:]
+    if not (done or killed) and not re.fullmatch(WORDS[kind], "".join(last)):
+        return f"said {last}"
+    partial = [path.name for path in result.parent.rglob(".skinmap-*")]
+    if partial and kind not in ("SIGKILL", LOCK):
+        return f"left {partial}"
     if done and not (result.exists() and names_of(result) >= names):
         return f"exit {code} without {sorted(names - names_of(result))[:3] or result.name}"
-    if not result.exists():
-        return ""
-    return "" if opens(result, names) else f"half a result: {result.name}"
-
-
-def lock(
-    words: str,
-    out: Path,
-    given: Path,
-    moment: float | None = None,
-    *,
-    names: frozenset[str] = frozenset(),
-) -> tuple[str, str]:
-    """Lock the folder of a result after so many seconds, or once its command listens to signals.
-
-    Returns
-    -------
-    end : str
-        The command was `refused`, or had `done` its work.
-    fault : str
-        What was wrong about how it ended, or "".
-    """
-    running = start(words, out, given, first=_obey)
-    reach(running, moment)
-    folders = [out.parent, *(path for path in out.parent.rglob("*") if path.is_dir())]
-    for one in folders:
-        one.chmod(0o555)
-    try:
-        said, code = wait(running)
-        left = left_of(running.pid)
-    finally:
-        for one in folders:
-            if one.exists():
-                one.chmod(0o755)
-    result, lines = result_of(words, out), said.strip().splitlines()
-    fault = ""
-    if left:
-        fault = f"{len(left)} processes left"
-    elif "Traceback" in said or code not in (0, 2, 3):
-        fault = f"exit {code}: {said[-500:]}"
-    elif code == 2 and not (lines and lines[-1].startswith("Error: cannot")):
-        fault = f"said {lines[-1:]}"
-    elif result.exists() and not opens(result, names):
-        fault = f"half a result: {result.name}"
-    elif code != 2 and not result.exists():
-        fault = "no result and no word of it"
-    return "done" if code in (0, 3) else "refused", fault
+    whole = not result.exists() or opens(result, names)
+    return "" if whole else f"half a result: {result.name}"
 
 
 def _obey() -> None:

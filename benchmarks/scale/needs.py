@@ -83,9 +83,9 @@ def measured(what: str, case: int) -> dict[str, float]:
     imports = peak_mb()
     run = MAKE[what](case)
     before = peak_mb()
-    taxels, cpu, wall = timed(run)
+    taxels, cpu, _ = timed(run)
     mb = max(peak_mb() - before, 0.0)
-    return {"taxels": taxels, "cpu_s": cpu, "wall_s": wall, "mb": mb, "imports_mb": imports}
+    return {"taxels": taxels, "cpu_s": cpu, "mb": mb, "imports_mb": imports}
 
 
 def map_libraries() -> None:
@@ -108,7 +108,7 @@ def _row(what: str, case: int, runs: list[dict[str, float]]) -> dict[str, Any]:
         "what": what,
         "case": str(case),
         "taxels": runs[0]["taxels"],
-        **{key: table[key][1] for key in ("cpu_s", "wall_s", "mb", "imports_mb")},
+        **{key: table[key][1] for key in ("cpu_s", "mb", "imports_mb")},
         "spread_s": table["cpu_s"] if len(runs) > 1 else None,
         "turns": len(runs),
     }

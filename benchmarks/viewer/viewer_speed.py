@@ -191,7 +191,7 @@ def cpu_ms(kinds: dict[str, Frame], rounds: int) -> list[dict[str, Any]]:
     rows = []
     # What the kind before left is not a kind's own cost.
     for name, times in take_turns(tasks, rounds, settling=3).items():
-        low, middle, high = times.row(1e3)["cpu"]
+        low, middle, high = quartiles(1e3 * times)
         rows.append({"what": name, "cpu_ms": middle, "quartiles": (low, high)})
         print(f"{name}: {middle:.2f} ms ({low:.2f} to {high:.2f})")
     return rows

@@ -244,23 +244,31 @@ class AnchorSession:
         return NOTHING_YET
 
     def solve(self) -> Solution:
-        """Lay the board on the link by the anchors there are, and keep what comes of it."""
-        solution = solve(self.task(), self.anchors)
-        self.accept(solution)
-        return solution
+        """Lay the board on the link by the anchors there are, and keep what comes of it.
 
-    def accept(self, solution: Solution) -> None:
-        """Keep a solution, also of earlier anchors; a refused one leaves no patch to show."""
-        self.solution = solution
-        if solution.found is not None:
-            found = solution.found
+        A refused solution leaves no patch to show.
+        """
+        self.solution = solution = self._solved()
+        found = solution.found
+        self.message = solution.problem
+        if found is not None:
             sd = MM * float(np.median(found.predicted_sd))
             verdict = f"{found.status}, {sd:.2f} mm predicted (median)"
             if found.reasons:
                 verdict = f"{found.status}: {found.reasons[0]}"
             self.message = f"{verdict}; {self.advice()}"
-        else:
-            self.message = solution.problem
+        return solution
+
+    def _solved(self) -> Solution:
+        anchors = self.anchors
+        if len(anchors) < FEWEST:
+            return Solution(anchors, None, f"{len(anchors)} anchors, at least {FEWEST} are needed")
+        try:
+            return Solution(anchors, self.task().solve())
+        except SkinError as error:
+            return Solution(anchors, None, str(error))
+        except (np.linalg.LinAlgError, ArithmeticError) as error:
+            return Solution(anchors, None, f"these anchors cannot be solved: {error}")
 
     def save(self, output: Outputs) -> tuple[str, ...]:
         """Write what `skinmap calibrate wrap` writes, and the anchors; the names of the files.
@@ -288,15 +296,3 @@ class AnchorSession:
         first = reasons[0] if reasons else ""
         self.message = f"saved in {out}" if good else f"not accepted, anchors kept: {first}"
         return tuple(files)
-
-
-def solve(task: PatchTask, anchors: tuple[Anchor, ...]) -> Solution:
-    """Solve without a session: may run beside it, in another thread."""
-    if len(anchors) < FEWEST:
-        return Solution(anchors, None, f"{len(anchors)} anchors, at least {FEWEST} are needed")
-    try:
-        return Solution(anchors, task.solve())
-    except SkinError as error:
-        return Solution(anchors, None, str(error))
-    except (np.linalg.LinAlgError, ArithmeticError) as error:
-        return Solution(anchors, None, f"these anchors cannot be solved: {error}")

@@ -11,10 +11,6 @@ import numpy as np
 from calibration.commands.results import MM, PatchResult
 from calibration.patch.patch_calibration import PatchCalibration
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.geometry.proximity import closest_on_mesh
-from skinmap.geometry.rigid import transform_points
-from skinmap.geometry.triangles import face_normals
-from skinmap.report.flat_figures import View, draw_surface
 from skinmap.report.page import (
     heading,
     image,
@@ -30,12 +26,9 @@ from skinmap.report.table import Table
 if TYPE_CHECKING:
     from calibration.commands.results import Calibrated
     from calibration.response.response import ResponseCalibration
-    from calibration.scan.registration import ScanRegistration
 
 Picture = tuple[str, bytes, str]  # heading, PNG, and what one sees on it
 PLACED = "Calibrated taxels from two sides, coloured by their predicted error."
-FAR_MM = 3.0  # end of the colour scale of a scan
-MAX_FACES, MAX_DRAWN = 30_000, 4_000  # of a mesh, and points of a scan
 COLOURS = {
     "ok": "#00795c", "never touched": "#9aa5b1", "dead": "#1d2733", "stuck": "#7a3fb0",
     "saturated": "#b04a00", "noisy": "#d4a000",
@@ -68,8 +61,10 @@ def judged_page(
     return page(title, [verdict, *map(paragraph, lines), *shown, *more])
 
 
-def taxel_picture(positions: FloatArray, sd: FloatArray) -> bytes:
-    """PNG: taxels (n, 3) [m] in the frame of their link, coloured by sd (n,) [m].
+def places_picture(
+    positions: FloatArray, off: FloatArray, words: str = "predicted error [mm]"
+) -> bytes:
+    """PNG: taxels or points (n, 3) [m], coloured by off (n,) [m], which `words` names.
 
     From above and from beside, the nearer ones in front.
     """
@@ -78,14 +73,15 @@ def taxel_picture(positions: FloatArray, sd: FloatArray) -> bytes:
     across = MM * (positions - middle) @ axes.T
     figure = plain_figure((9.4, 3.8))
     both = figure.subplots(1, 2)
+    size = np.clip(14_000 / len(positions), 3.0, 14.0)
     for axis, (up, depth) in zip(both, ((1, 2), (2, 1)), strict=True):
         order = np.argsort(across[:, depth])
         places = across[order][:, (0, up)].T
-        shown = axis.scatter(*places, c=MM * sd[order], s=14, cmap="viridis")
+        shown = axis.scatter(*places, c=MM * off[order], s=size, cmap="viridis")
         axis.set_aspect("equal")
-        axis.set_xlabel("along the patch [mm]")
-        axis.set_ylabel(("across the patch [mm]", "out of the patch [mm]")[up - 1])
-    figure.colorbar(shown, ax=list(both), shrink=0.8).set_label("predicted error [mm]")
+        axis.set_xlabel("along the skin [mm]")
+        axis.set_ylabel(("across the skin [mm]", "out of the skin [mm]")[up - 1])
+    figure.colorbar(shown, ax=list(both), shrink=0.8).set_label(words)
     return picture_bytes(figure)
 
 
@@ -104,46 +100,6 @@ def response_picture(response: ResponseCalibration) -> bytes:
     axes[1].xaxis.get_major_locator().set_params(integer=True)
     axes[0].legend(frameon=False, ncols=6, loc="lower left", bbox_to_anchor=(0.0, 1.0))
     return picture_bytes(figure)
-
-
-def scan_picture(
-    found: ScanRegistration, points: FloatArray, link: tuple[FloatArray, IntArray]
-) -> bytes:
-    """PNG of the scan on the mesh from two sides, coloured by how far it lies off."""
-    vertices, faces = link
-    here = transform_points(found.T_mesh_scan, points)[:: max(1, len(points) // MAX_DRAWN)]
-    distance, _, _ = closest_on_mesh(here, vertices, faces)
-    off = MM * distance
-    figure = plain_figure((9.0, 4.2))
-    axes = figure.subplots(1, 2)
-    drawn = faces[:: max(1, len(faces) // MAX_FACES)]
-    for axis, view in zip(axes, _views(vertices), strict=True):
-        _draw_link(axis, view, vertices, drawn)
-        places = view.project(MM * here)
-        order = np.argsort(places[:, 2])
-        shown = axis.scatter(
-            *places[order, :2].T, c=off[order], s=3, cmap="viridis", vmin=0, vmax=FAR_MM, zorder=3
-        )
-        axis.margins(0.05)
-    figure.colorbar(shown, ax=list(axes), extend="max").set_label("distance from the mesh [mm]")
-    return picture_bytes(figure)
-
-
-def _draw_link(axis: Any, view: View, vertices: FloatArray, faces: IntArray) -> None:
-    """Faces of a link in grey, on an axis in mm: of both turns, as visual meshes have them."""
-    normals = face_normals(vertices, faces)
-    grey = np.tile([0.80, 0.82, 0.85, 1.0], (len(faces), 1))
-    draw_surface(axis, view, MM * vertices[faces], normals, grey, both_sides=True)
-    axis.set_aspect("equal")
-    axis.set_title(view.name, fontsize=9)
-    axis.set_xlabel("mm", fontsize=8)
-    axis.tick_params(labelsize=7)
-
-
-def _views(vertices: FloatArray) -> list[View]:
-    _, axes = np.linalg.eigh(np.cov(vertices.T))
-    thin, middle, long = axes.T
-    return [View("across its short axis", thin, long), View("across its middle axis", middle, long)]
 
 
 def evidence_table(result: PatchResult, kind: str) -> str:

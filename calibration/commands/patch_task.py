@@ -206,7 +206,7 @@ class SolvedPatch:
             board_picture,
             evidence_table,
             judged_page,
-            taxel_picture,
+            places_picture,
         )
 
         task, result, board = self.task, self.result, self.board
@@ -214,7 +214,7 @@ class SolvedPatch:
         taxels = np.array([rows[one.channel] for one in result.evidence], np.int64)
         drawn = board_picture(self.found, board.layout, board.channels, task.kind, taxels)
         pictures = [
-            ("On the link", taxel_picture(self.found.positions, self.found.predicted_sd), PLACED),
+            ("On the link", places_picture(self.found.positions, self.found.predicted_sd), PLACED),
             ("On the board", drawn, "Coloured by predicted error, with what to measure next."),
         ]
         evidence = evidence_table(result, task.kind)

@@ -23,9 +23,9 @@ from skinmap.errors import InvalidArrayError
 PROPOSED = 3  # poses for the next presses
 
 if TYPE_CHECKING:
-    from calibration.files.plane_files import PlaneEvidence
-    from calibration.plane.contacts import Plane
+    from calibration.files.mount_files import PlaneEvidence
     from calibration.plane.fit import PlaneFit
+    from calibration.plane.model import Plane
     from skinmap.skin.robot import Robot
 
 
@@ -173,7 +173,7 @@ def read_planes(words: Sequence[str]) -> list[Plane] | None:
     """
     import numpy as np
 
-    from calibration.plane.contacts import Plane
+    from calibration.plane.model import Plane
 
     planes = []
     for text in words:
@@ -199,7 +199,7 @@ def work(
     """Fit mounts to presses, and propose the next ones."""
     import numpy as np
 
-    from calibration.files.plane_files import read_plane_evidence
+    from calibration.files.mount_files import read_plane_evidence
     from calibration.plane.fit import fit_plane
     from calibration.plane.poses import part_chains
 
@@ -305,10 +305,10 @@ def _write(robot: Robot, evidence: PlaneEvidence, fit: PlaneFit, folder: Path) -
 
 
 def _page(evidence: PlaneEvidence, fit: PlaneFit, result: PlaneResult) -> str:
-    from calibration.commands.pages import PLACED, judged_page, taxel_picture
+    from calibration.commands.pages import PLACED, judged_page, places_picture
 
     pictures = [
-        (f"{part} on its link", taxel_picture(fit.places[part], fit.predicted_sd(part)), PLACED)
+        (f"{part} on its link", places_picture(fit.places[part], fit.predicted_sd(part)), PLACED)
         for part in evidence.contacts.active
     ]
     title = f"Presses on a flat surface: {', '.join(result.calibrated)}"

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from skinmap.arrays import FloatArray, IntArray
 
 PAIRS = ("x", "y", "z", "mesh_x", "mesh_y", "mesh_z")
+FAR = 3e-3  # end of the colour scale of the page [m]
+MAX_DRAWN = 4_000  # points on the page
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -166,10 +168,18 @@ def _write(files: ScanFiles, found: ScanRegistration, folder: Path) -> list[str]
 
 
 def _page(files: ScanFiles, found: ScanRegistration, result: ScanResult) -> str:
-    from calibration.commands.pages import judged_page, scan_picture
+    import numpy as np
 
-    words = "Points of the scan on the mesh, coloured by their distance."
-    pictures = [("On the mesh", scan_picture(found, files.points, files.link), words)]
+    from calibration.commands.pages import judged_page, places_picture
+    from skinmap.geometry.proximity import closest_on_mesh
+    from skinmap.geometry.rigid import transform_points
+
+    some = files.points[:: max(1, len(files.points) // MAX_DRAWN)]
+    here = transform_points(found.T_mesh_scan, some)
+    off = np.minimum(closest_on_mesh(here, *files.link)[0], FAR)
+    png = places_picture(here, off, f"distance from the mesh, at most {MM * FAR:.0f} [mm]")
+    words = "Points of the scan from two sides, coloured by their distance from the mesh."
+    pictures = [("On the mesh", png, words)]
     return judged_page(files.title, result, _lines(result), pictures)
 
 

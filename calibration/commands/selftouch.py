@@ -236,12 +236,12 @@ def _write(data: SelfTouchData, fit: SelfTouchFit, folder: Path) -> list[str]:
 
 
 def _page(data: SelfTouchData, fit: SelfTouchFit, result: SelfTouchResult) -> str:
-    from calibration.commands.pages import PLACED, judged_page, taxel_picture
+    from calibration.commands.pages import PLACED, judged_page, places_picture
     from calibration.commands.self_touch_words import placed, predicted
 
     chains = {name: data.chains[name] for name in fit.mounts}
     pictures = [
-        (f"{name} on its link", taxel_picture(placed(one, fit)[1], predicted(one, fit)), PLACED)
+        (f"{name} on its link", places_picture(placed(one, fit)[1], predicted(one, fit)), PLACED)
         for name, one in chains.items()
     ]
     title = f"Self-touch: {', '.join(fit.mounts)}"

@@ -98,28 +98,27 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
     """Fit a mount to lines of force, and judge it."""
     import numpy as np
 
-    from calibration.mount.mount_wrench import (
+    from calibration.mount.rigid_mount import (
         POINT_SIGMA,
-        fit_wrench,
+        Lines,
+        fit_lines,
         held_out_error,
+        point_covariance,
         wrench_doubts,
     )
-    from calibration.mount.rigid_mount import point_covariance
     from calibration.patch.patch_status import weak_direction
     from skinmap.geometry.proximity import median_spacing
     from skinmap.geometry.rigid import transform_points
 
-    given = touches.points, touches.frames, touches.forces, touches.moments
-    fit = fit_wrench(*given)
-    held_out = held_out_error(*given, np.random.default_rng(0))
+    lines = Lines.of(touches.points, touches.frames, touches.forces, touches.moments)
+    fit, held_out = fit_lines(lines), held_out_error(lines, np.random.default_rng(0))
     skin = touches.points if touches.taxels is None else touches.taxels
+    known = skin[np.isfinite(skin).all(axis=1)]
     places = transform_points(fit.mount, skin)
     covariance = point_covariance(fit.mount, skin, fit.covariance)
     sd = np.sqrt(np.einsum("nii->n", covariance))
-    half = POINT_SIGMA
-    if touches.taxels is not None:
-        half = median_spacing(skin[np.isfinite(skin).all(axis=1)]) / 2
-    reasons = list(wrench_doubts(*given, skin[np.isfinite(skin).all(axis=1)], 2.0 * np.median(sd)))
+    half = POINT_SIGMA if touches.taxels is None else median_spacing(known) / 2
+    reasons = list(wrench_doubts(lines, known, 2.0 * np.median(sd)))
     status: Grade = "ambiguous" if reasons else "ok"
     if np.median(sd) > half:
         status = "unobservable"
@@ -158,10 +157,10 @@ def _write(name: str, placed: PlacedPatch, folder: Path) -> list[str]:
 def _page(name: str, placed: PlacedPatch, result: WrenchResult) -> str:
     import numpy as np
 
-    from calibration.commands.pages import PLACED, judged_page, taxel_picture
+    from calibration.commands.pages import PLACED, judged_page, places_picture
 
     errors = np.sqrt(np.einsum("nii->n", placed.covariance))
-    pictures = [("On the link", taxel_picture(placed.places, errors), PLACED)]
+    pictures = [("On the link", places_picture(placed.places, errors), PLACED)]
     return judged_page(f"Wrenches: {name}", result, _lines(result), pictures)
 
 

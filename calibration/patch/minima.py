@@ -12,8 +12,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import cKDTree
 
-from calibration.patch.board import Board, facing, shortening
-from calibration.patch.link_surface import THIN, Target
+from calibration.patch.link_surface import THIN, Board, Target, facing, shortening
 from calibration.patch.sheet_model import (
     ROUGHLY,
     SAME,

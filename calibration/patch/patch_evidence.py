@@ -17,6 +17,7 @@ from skinmap.arrays import (
 )
 from skinmap.errors import InvalidArrayError, InvalidMeshError
 from skinmap.geometry.proximity import closest_on_mesh, median_spacing
+from skinmap.summary import first_few
 
 FEWEST = 3
 UNITS = {1e-3: "millimetres", 1e-2: "centimetres", 0.0254: "inches", 1.0: "metres"}
@@ -109,9 +110,8 @@ def check_anchors(
     _, first, count = np.unique(where, axis=0, return_index=True, return_counts=True)
     if (count > 1).any():
         rows = (where == where[first[count > 1][0]]).all(axis=1)
-        raise InvalidArrayError(
-            f"the anchors of channels {_listed(called[rows])} are at the same point"
-        )
+        named = first_few(called[rows].tolist(), LISTED)
+        raise InvalidArrayError(f"the anchors of channels {named} are at the same point")
     spread = np.asarray(sigma, np.float64)
     if spread.shape not in ((), (len(where),)):
         raise InvalidArrayError(
@@ -122,7 +122,7 @@ def check_anchors(
     if in_a_row(layout[taxels], IN_A_ROW):
         raise InvalidArrayError(
             f"the {len(taxels)} anchors lie in a row on the board: the patch could turn about it "
-            f"(channels {_listed(called)})"
+            f"(channels {first_few(called.tolist(), LISTED)})"
         )
     check_spread(layout[taxels], where, "anchors")
     _check_near(link, where, called)
@@ -134,11 +134,6 @@ def _ordinals(numbers: list[int]) -> str:
     ends = {1: "st", 2: "nd", 3: "rd"}
     words = [f"{k}{'th' if 10 < k % 100 < 14 else ends.get(k % 10, 'th')}" for k in numbers]
     return f"{', '.join(words[:-1])} and {words[-1]}"
-
-
-def _listed(names: IntArray) -> str:
-    more = ", ..." if len(names) > LISTED else ""
-    return f"{', '.join(map(str, names[:LISTED].tolist()))}{more}"
 
 
 def in_a_row(points: FloatArray, share: float) -> bool:
@@ -175,7 +170,7 @@ def _check_near(link: Link, points: FloatArray, called: IntArray) -> None:
     far = distance > FAR
     if not far.any():
         return
-    which = f"the anchors of channels {_listed(called[far])}"
+    which = f"the anchors of channels {first_few(called[far].tolist(), LISTED)}"
     others = {name: unit for unit, name in UNITS.items() if unit != 1.0 and far.all()}
     for name, unit in others.items():
         for factor, what in ((unit, "the mesh"), (1.0 / unit, "all but the mesh")):

@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 from scipy.special import chdtri
 
-from calibration.patch.board import SCALE, chords, facing
-from calibration.patch.link_surface import Target
+from calibration.patch.link_surface import SCALE, Target, chords, facing
 from calibration.patch.minima import Minimum
 from calibration.patch.patch_calibration import (
     Doubt,

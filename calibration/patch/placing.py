@@ -20,8 +20,7 @@ from scipy.spatial import cKDTree
 from scipy.spatial.distance import pdist, squareform
 from threadpoolctl import threadpool_limits
 
-from calibration.patch.board import Board, make_board
-from calibration.patch.link_surface import Target, make_target
+from calibration.patch.link_surface import Board, Target, make_board, make_target
 from calibration.patch.minima import STARTS, find_minima, log_map_places, rigid_2d
 from calibration.patch.patch_calibration import Doubt, PatchCalibration, Status
 from calibration.patch.patch_evidence import (

@@ -22,8 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from calibration.patch.board import Board, chords, facing
-from calibration.patch.link_surface import Target
+from calibration.patch.link_surface import Board, Target, chords, facing
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.geometry.triangles import unit
 

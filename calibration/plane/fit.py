@@ -9,11 +9,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from calibration.mount.chains import Chain
-from calibration.mount.rigid_mount import some
 from calibration.patch.patch_calibration import Status
 from calibration.patch.patch_status import weakest_motion
-from calibration.plane.contacts import Plane, PlaneContacts
-from calibration.plane.model import Patch, PlaneProblem, PlaneState, patch_of
+from calibration.plane.model import Patch, Plane, PlaneContacts, PlaneProblem, PlaneState, patch_of
 from calibration.plane.poses import Proposal, most_telling, place_slopes
 from calibration.plane.solve import (
     Solution,
@@ -29,7 +27,7 @@ from calibration.plane.solve import (
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, check_known
 from skinmap.geometry.rigid import transform_points
-from skinmap.summary import Summary, listed
+from skinmap.summary import Summary, first_few, listed
 
 FEWEST = 4  # contacts: fewer cannot even show that they are too few
 JOINT_SIGMA = np.deg2rad(0.5)  # what zero positions of joints are off by
@@ -237,11 +235,10 @@ def _checked(
             )
         used[name] = patch_of(chain, None if modules is None else np.asarray(modules[name]))
     felt_by = np.sum([felt.sum(axis=1) for felt in contacts.active.values()], axis=0)
-    silent = np.flatnonzero(felt_by == 0)
-    if len(silent):
+    if silent := np.flatnonzero(felt_by == 0).tolist():
         raise InvalidArrayError(
-            f"no taxel is active in {len(silent)} of {len(contacts)} contacts: {some(silent, 8)} "
-            "(counted from 0); leave them out"
+            f"no taxel is active in {len(silent)} of {len(contacts)} contacts: "
+            f"{first_few(silent, 8)} (counted from 0); leave them out"
         )
     problem = PlaneProblem(contacts, used, joint_sigma, planes is None, surfaces)
     if planes is not None:

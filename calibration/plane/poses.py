@@ -12,8 +12,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from calibration.mount.chains import Chain, robot_chain
-from calibration.plane.contacts import Plane, PlaneContacts
-from calibration.plane.model import Layout, PlaneProblem, PlaneState, weigh
+from calibration.plane.model import Layout, Plane, PlaneContacts, PlaneProblem, PlaneState, weigh
 from calibration.plane.solve import Solution
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import SkinError

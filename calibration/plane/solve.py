@@ -11,19 +11,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
-from calibration.mount.rigid_mount import some
 from calibration.patch.patch_calibration import Status
-from calibration.plane.contacts import Plane
 from calibration.plane.model import (
     TAIL,
     TAU,
     Layout,
+    Plane,
     PlaneProblem,
     PlaneState,
     Spreads,
 )
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import transform_points, turn_about
+from skinmap.summary import first_few
 
 COARSE = (12e-3, 6e-3, 3e-3)  # widths of the logistic curve [m]: from starts that are 20 mm off
 COARSE_STEPS, STEPS = 12, 60
@@ -331,7 +331,8 @@ def judge(
         advice = "leave them out of the file or press again"
         if len(odd) > MANY_ODD * contacts:
             advice = "too many to identify the right ones: poses and taxels may not belong together"
-        words = f"{len(odd)} of {contacts} contacts contradict the others: contacts {some(odd, 8)}"
+        named = first_few(odd, 8)
+        words = f"{len(odd)} of {contacts} contacts contradict the others: contacts {named}"
         judged.append((Status.AMBIGUOUS, f"{words} (counted from 0); {advice}"))
     if best.spreads.depth > ROUGH:
         words = (

@@ -114,7 +114,7 @@ def checkup(
 
 def _protect(output: Path, parts: tuple[str, ...]) -> None:
     """Refuse files that are there before any work is done."""
-    from calibration.wiring.faults import map_files
+    from calibration.wiring.boards import map_files
 
     suffix = output.suffix.lower()
     if suffix not in ("", ".csv", ".pdf"):
@@ -152,7 +152,7 @@ def _written(
     output: Path, result: CheckupResult, examined: Examination, robot: Robot, when: datetime
 ) -> Iterator[str]:
     """Write the page and the corrected maps; the files' names."""
-    from calibration.wiring.faults import corrected, map_files
+    from calibration.wiring.boards import corrected, map_files
     from calibration.wiring.history import write_page
     from skinmap.io.output import staged_file
     from skinmap.io.taxels.taxel_table import write_csv

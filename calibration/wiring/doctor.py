@@ -4,18 +4,355 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import logsumexp
 
-from calibration.wiring.answer_model import THRESHOLD
-from calibration.wiring.boards import Boards, Wiring
-from calibration.wiring.evidence import Witness
-from calibration.wiring.faults import Fault, Hypotheses, all_faults
+from calibration.wiring.boards import Boards, Fault, Hypotheses, Wiring, all_faults, compose
 from calibration.wiring.places import AGAIN, Candidates, Chooser, candidates
-from calibration.wiring.touches import RestFindings, Touch
-from skinmap.arrays import FloatArray
+from calibration.wiring.touches import (
+    NEAR,
+    PLACE,
+    SHAPES,
+    TABLE,
+    THRESHOLD,
+    TIMING,
+    RestFindings,
+    Touch,
+    level_of,
+    offsets,
+    sideways,
+    steps_at,
+    tangents,
+)
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
+
+MISS, AIR = 0.03, 0.01  # chances that a touch is somewhere else, and that it touches nothing
+SILENCE = 5.0  # most that a silent module's silence says for its being mute, a touch [nats]
+ODD = 1e-4  # chance of an answer that no model foresaw: what one touch can say is bounded by it
+STROKE_SHAPES = ((5e-3, 80.0), (7e-3, 170.0))
+PEAKS = 6  # of the strongest answers: where a touch may have been that missed its place
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Terms:
+    """What one touch says of modules and sites, for q cases of what is unknown of it.
+
+    Attributes
+    ----------
+    weights : (q,) float
+        Logarithm of the chance of each case.
+    asked : (q,) bool
+        Cases of a touch that was where it was asked for.
+    near : (b,) int
+        Sites that may answer.
+    reads : (q, m, b) float
+        Log chance of the answers of a module's channels if they read a near site.
+    silent : (m,) float
+        The same if they read nothing, or a site far away.
+    laid : (q, b, 5) float
+        Of the module that reads a near site, were its board turned or mirrored.
+    some : (s,) int
+        Places in `near` of the modules that answered.
+    exchanged : (q, s, p) float
+        Of these, were two of their channels exchanged.
+    """
+
+    weights: FloatArray
+    asked: BoolArray
+    near: IntArray
+    reads: NDArray[Any]
+    silent: FloatArray
+    laid: NDArray[Any]
+    some: IntArray
+    exchanged: NDArray[Any]
+
+
+class Witness:
+    """Reads touches on one part, as a wiring has it.
+
+    Parameters
+    ----------
+    boards : Boards
+    hypotheses : Hypotheses
+    wiring : Wiring
+        What is known already: faults are looked for beyond it.
+    """
+
+    def __init__(self, boards: Boards, hypotheses: Hypotheses, wiring: Wiring) -> None:
+        self.boards, self.hypotheses, self.wiring = boards, hypotheses, wiring
+        m, k = boards.columns.shape
+        self.owner = wiring.owner
+        there = boards.columns >= 0
+        self.column = np.where(there, boards.columns, 0)
+        self.there = there & ~wiring.mute[:, None]
+        # Where the slots of each site lie, and the place that each takes as its board is laid now
+        # and beyond it: layouts that a turn carries into themselves have the same places again.
+        self.spots = (
+            boards.places[:, 0] if boards.turns is not None else boards.places.reshape(m, 6 * k, 3)
+        )
+        self.taken = np.empty((m, 6, k), np.int64)
+        for site in range(m):
+            for element in range(6):
+                total = compose(element, int(wiring.element[site]))
+                order = wiring.order[site]
+                self.taken[site, element] = (
+                    boards.turns[total][order] if boards.turns is not None else total * k + order
+                )
+        self.pairs = np.array(boards.pairs, np.int64).reshape(-1, 2)
+        self.centres = boards.centres
+        moves = [fault.moves(boards) for fault in hypotheses.faults[hypotheses.chain_first :]]
+        self.chain_moves = [(np.array([*one]), np.array([*one.values()])) for one in moves]
+        self.sites = len(boards.table) / 3.0  # places a missed touch may be at: a few mm apart
+
+    def hear(self, touch: Touch) -> tuple[FloatArray, bool]:
+        """(h,) log chance of a touch's answers, and whether they came from where it was asked."""
+        terms = self._terms(touch)
+        found = self._judge(terms)
+        first = 1 + len(self.hypotheses.swaps)
+        mute = slice(first, first + len(self.boards))  # silence has more causes than one
+        found[mute] = np.minimum(found[mute], found[0] + SILENCE)
+        # Whatever happens, one touch cannot say more than a model may be trusted.
+        return np.logaddexp(found, found.max() + np.log(ODD)), self._fits(terms)
+
+    def _fits(self, terms: Terms) -> bool:
+        """Whether the answers came from where the touch was asked for, as the wiring is known."""
+        own = self.owner[terms.near]
+        base = terms.weights + terms.reads[:, own, np.arange(len(own))].sum(axis=1)
+        base = base - terms.silent[own].sum()
+        there = base[terms.asked]
+        return bool(np.logaddexp.reduce(there) >= np.logaddexp.reduce(base) + np.log(0.5))
+
+    # What was unknown of the touch.
+
+    def _terms(self, touch: Touch) -> Terms:
+        level = self._levels(touch)
+        points, weights, here = self._cases(touch, level)
+        near = self._near(points)
+        square, along = _to_paths(points.astype(np.float32), self.spots[near].astype(np.float32))
+        step = steps_at(square, STROKE_SHAPES if touch.how == "stroke" else SHAPES)
+        s, o = step.shape[:2]
+        step = step.reshape(s * o, *step.shape[2:])
+        weights = np.add.outer(np.full(s, -np.log(s)), weights).ravel()
+        step = np.concatenate([step, np.zeros_like(step[:1])])  # a touch of nothing
+        weights = np.append(weights, np.log(AIR))
+        asked = np.append(np.tile(here, s), False)
+        arrival = None
+        if touch.how == "stroke":
+            arrival = self._as_laid(np.concatenate([np.tile(along, (s, 1, 1)), along[:1]]), near)
+        return self._told(self._as_laid(step, near), (weights, asked), near, level, touch, arrival)
+
+    def _as_laid(self, values: NDArray[Any], near: IntArray) -> NDArray[Any]:
+        """(q, b, 6, k) of values (q, b, places): for each way that a board may be laid."""
+        rows = np.arange(len(near))[:, None, None]
+        return np.asarray(values[:, rows, self.taken[near]])
+
+    def _cases(self, touch: Touch, level: IntArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+        """Where it may really have been: (o, p, 3) paths, log chances, whether as asked."""
+        if touch.how == "stroke":
+            points, weight = self._strokes(touch.path)
+            return points, weight, np.ones(len(points), bool)
+        place = touch.path[0]
+        shift, weight = offsets()
+        axes = tangents(self.boards, place)
+        points = place + shift @ axes
+        elsewhere = self._anywhere(level)
+        if elsewhere is None:
+            return points[:, None], weight, np.ones(len(points), bool)
+        there, chance = elsewhere
+        here = np.arange(len(points) + len(there)) < len(points)
+        return (np.concatenate([points[:, None], there]), np.concatenate([weight, chance]), here)
+
+    def _anywhere(self, level: IntArray) -> tuple[FloatArray, FloatArray] | None:
+        """Where the answers themselves say that the touch was."""
+        strong = np.argsort(-level, axis=None, kind="stable")[:PEAKS]
+        module, slot = np.unravel_index(strong, level.shape)
+        felt = (level[module, slot] > 0) & (self.wiring.site[module] >= 0)
+        module, slot = module[felt], slot[felt]
+        site = self.wiring.site[module]
+        places = self.spots[site, self.taken[site, 0, slot]]
+        places = places[np.isfinite(places[:, 0])]
+        if len(places) == 0:
+            return None
+        weight = np.full(len(places), np.log(MISS / self.sites))
+        return places[:, None], weight
+
+    def _strokes(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Strokes beside the one asked for: both ends off to a side."""
+        share = np.linspace(0.0, 1.0, len(path))
+        off = np.array([-8e-3, -4e-3, 0.0, 4e-3, 8e-3])
+        first, last = (end.ravel() for end in np.meshgrid(off, off, indexing="ij"))
+        lateral = first[:, None] * (1.0 - share) + last[:, None] * share
+        points = path + lateral[..., None] * sideways(self.boards, path)
+        weight = -0.5 * (first**2 + last**2) / PLACE**2
+        return points, weight - np.log(np.exp(weight).sum())
+
+    def _near(self, points: FloatArray) -> IntArray:
+        flat = points.reshape(-1, 3)
+        away = np.linalg.norm(self.centres[:, None] - flat[None], axis=2).min(axis=1)
+        return np.flatnonzero((away < NEAR) & (self.owner >= 0))
+
+    def _levels(self, touch: Touch) -> IntArray:
+        """(m, k) level of each channel's answer; -1 where a module has none."""
+        level = level_of(touch.response)[self.column]
+        return np.asarray(np.where(self.there, level, -1))
+
+    # What that makes of modules and sites.
+
+    def _told(
+        self,
+        step: IntArray,
+        cases: tuple[FloatArray, BoolArray],
+        near: IntArray,
+        level: IntArray,
+        touch: Touch,
+        arrival: FloatArray | None,
+    ) -> Terms:
+        silent = np.where(level >= 0, TABLE[level, 0], 0.0).sum(axis=1)
+        now = step[:, :, 0]  # (q, b, k)
+        kinds, which = np.unique(level, axis=0, return_inverse=True)
+        late: _Late = None
+        if arrival is not None:  # the answers of two modules differ by when they came, too
+            kinds, which = level, np.arange(len(level))
+            busy = (level > 0).any(axis=1)
+            rest, inverse = np.unique(level[~busy], axis=0, return_inverse=True)
+            kinds = np.concatenate([level[busy], rest])
+            which = np.empty(len(level), np.int64)
+            which[busy] = np.arange(busy.sum())
+            which[~busy] = busy.sum() + inverse.ravel()
+            when = touch.arrival[self.column]
+            shown = np.zeros_like(kinds, float)
+            shown[: busy.sum()] = when[busy]
+            late = shown[None, :, None], arrival[:, None, :, 0]
+        chance = _log_chance(kinds[None, :, None], now[:, None], late)  # (q, u, b, k)
+        reads = chance.sum(axis=-1)[:, which.ravel()]
+        own = self.owner[near]
+        mine = level[own]
+        laid = np.zeros((len(step), len(near), 5), np.float32)
+        if self.boards.turnable:
+            if arrival is not None:
+                late = when[own][None, :, None], arrival[:, :, 1:]
+            laid = _log_chance(mine[None, :, None], step[:, :, 1:], late).sum(axis=-1)
+        some = np.flatnonzero((mine > 0).any(axis=1))  # silent channels may well be exchanged
+        late = None if arrival is None else (when[own[some]][None], arrival[:, some, 0])
+        exchanged = self._exchanged(mine[some], now[:, some], late)
+        return Terms(*cases, near, reads, silent, laid, some, exchanged)
+
+    def _exchanged(self, level: IntArray, step: IntArray, late: _Late) -> FloatArray:
+        """(q, s, p) log chance of modules' answers (s, k), were two channels exchanged."""
+        one, other = self.pairs[:, 0], self.pairs[:, 1]
+
+        def chance(a: IntArray | slice, b: IntArray | slice) -> FloatArray:
+            own = None if late is None else (late[0][..., a], late[1][..., b])
+            return _log_chance(level[None][..., a], step[..., b], own)
+
+        direct = chance(slice(None), slice(None))
+        kept = direct.sum(axis=-1, keepdims=True) - direct[..., one] - direct[..., other]
+        return np.asarray(kept + chance(one, other) + chance(other, one))
+
+    # What that makes of faults.
+
+    def _judge(self, terms: Terms) -> FloatArray:
+        """(h,) log chance of the answers for each hypothesis, summed over the cases."""
+        m, near = len(self.boards), terms.near
+        b = np.arange(len(near))
+        own = self.owner[near]
+        mine = terms.reads[:, own, b]  # (q, b) each near site read by its own module
+        far = terms.silent.sum() - terms.silent[own].sum()
+        base = terms.weights + far + mine.sum(axis=1)
+        top = base.max()
+        share = np.exp(base - top)
+        healthy = np.log(share.sum()) + top
+
+        def summed(delta: NDArray[Any]) -> FloatArray:
+            """Log chance with changes (q, ...) against the wiring as it is."""
+            total = delta + base.reshape(-1, *[1] * (delta.ndim - 1)).astype(np.float32)
+            most = total.max(axis=0)
+            inside = np.exp(total - most)
+            return np.asarray(most + np.log(inside.sum(axis=0)))
+
+        place = np.full(m, -1)
+        place[near] = b
+        spot = np.where(self.wiring.site >= 0, place[self.wiring.site], -1)  # of modules
+        now = np.tile(terms.silent.astype(np.float32), (len(base), 1))
+        now[:, own] = mine
+        takes = terms.reads - now[:, :, None]  # (q, m, b) module reads a near site instead
+        leaves = terms.silent.astype(np.float32) - now  # (q, m) module reads a far one or none
+        # Swaps, for each near site's module against all others.
+        gives = leaves[:, own][:, :, None].repeat(m, axis=2)  # the near module reads the other
+        inside = spot >= 0
+        gives[:, :, inside] = takes[:, own][:, :, spot[inside]]
+        swap = summed(gives + takes.transpose(0, 2, 1))  # (b, m)
+        matrix = np.full((m, m), healthy)
+        matrix[own] = swap
+        matrix[:, own] = swap.T
+        found = np.full(len(self.hypotheses), healthy)
+        pairs = self.hypotheses.swaps
+        n = 1
+        found[n : n + len(pairs)] = matrix[pairs[:, 0], pairs[:, 1]]
+        n += len(pairs)
+        found[n + own] = summed(leaves[:, own])
+        n += m
+        laid = summed(terms.laid - mine[..., None])
+        for element in range(5):
+            found[n + own] = laid[:, element]
+            n += m
+        p = len(self.pairs)
+        if p and len(terms.some):
+            spots = n + own[terms.some, None] * p + np.arange(p)
+            found[spots] = summed(terms.exchanged - mine[:, terms.some, None])
+        n += m * p
+        for number, (modules, others) in enumerate(self.chain_moves):
+            spots = np.where(others >= 0, spot[others], -1)
+            change = (
+                np.where(spots >= 0, takes[:, modules, np.maximum(spots, 0)], leaves[:, modules])
+                if len(near)
+                else leaves[:, modules]
+            )
+            found[n + number] = summed(change.sum(axis=1))
+        return found
+
+
+def _to_paths(points: FloatArray, slots: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Squared distances (o, b, k) of slots (b, k, 3) to paths (o, p, 3), and shares along them."""
+    o, p = points.shape[:2]
+    shape = (o, *slots.shape[:2])
+    middle = points[0, 0]
+    flat, points = slots.reshape(-1, 3) - middle, points - middle
+    flat = np.where(np.isnan(flat), np.float32(1e3), flat)  # a place that is not there is far
+    square = (
+        (points**2).sum(axis=2)[..., None]
+        + (flat**2).sum(axis=1)
+        - 2.0 * (points.reshape(-1, 3) @ flat.T).reshape(o, p, -1)
+    )
+    if p == 1:
+        return square.reshape(shape), np.zeros((0,), np.float32)
+    nearest = square.argmin(axis=1)
+    least = np.take_along_axis(square, nearest[:, None], axis=1)[:, 0]
+    return least.reshape(shape), (nearest / np.float32(p - 1)).astype(np.float32).reshape(shape)
+
+
+_Late = tuple[FloatArray, FloatArray] | None  # when answers came, and when they should
+
+
+def _log_chance(level: IntArray, step: IntArray, late: _Late = None) -> FloatArray:
+    """Log chance of levels for expected answers; 0 where there is no channel (level -1)."""
+    found = TABLE[np.maximum(level, 0), step]
+    found = np.where(level >= 0, found, np.float32(0.0))
+    if late is not None:
+        found = found + np.where(level > 0, _timing(*late, step), np.float32(0.0))
+    return np.asarray(found)
+
+
+def _timing(when: FloatArray, where: FloatArray, step: IntArray) -> FloatArray:
+    """Log density of when an answer came, where one was expected; 0 elsewhere."""
+    gap = np.asarray(when - where, np.float32) / np.float32(TIMING)
+    density = 0.1 + 0.9 / (2.5066 * TIMING) * np.exp(-0.5 * gap**2)
+    return np.where(step > 0, np.log(density), np.float32(0.0))
+
 
 SURE = 0.99  # a fault that is so probable is named
 ILL, LIKELY = 0.1, 0.5  # at the end: healthy less probable, and one fault more than all others

@@ -13,7 +13,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from calibration.files.tables import check_places, read_places
-from calibration.wiring.answer_model import THRESHOLD
 from calibration.wiring.boards import Boards, boards_of
 from calibration.wiring.doctor import CLEAR, Doctor
 from calibration.wiring.places import AGAIN
@@ -21,6 +20,7 @@ from calibration.wiring.touches import (
     BEGINS,
     ENDS,
     LEAST_REST,
+    THRESHOLD,
     Baseline,
     RestFindings,
     find_touches,

@@ -12,9 +12,8 @@ from skinmap.rows import column, row
 from skinmap.summary import first_few
 
 if TYPE_CHECKING:
-    from calibration.wiring.boards import Boards
+    from calibration.wiring.boards import Boards, Fault
     from calibration.wiring.examination import Case, Examination
-    from calibration.wiring.faults import Fault
     from calibration.wiring.history import History
     from skinmap.arrays import IntArray
 
@@ -240,7 +239,7 @@ def _silent(case: Case) -> IntArray:
     import numpy as np
     from scipy.special import ndtr
 
-    from calibration.wiring.answer_model import DEAD, SPREAD, THRESHOLD
+    from calibration.wiring.touches import DEAD, SPREAD, THRESHOLD
 
     places = case.doctor.wiring.places(case.boards)
     near = np.linalg.norm(places[:, None] - places[None], axis=2) < AROUND * case.boards.pitch

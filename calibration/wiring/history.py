@@ -1,7 +1,7 @@
 """Check-ups that were kept: each taxel's baseline, noise and gain over months, and their changes.
 
-The evidence of touches on gains (`gains`) adds up over the check-ups before and after a moment. The
-gain of a taxel has changed where its difference departs from those of the taxels beside it.
+The evidence of touches on gains (`touches`) adds up over the check-ups before and after a moment.
+The gain of a taxel has changed where its difference departs from those of the taxels beside it.
 
 The page of a check-up: its faults in words, and the parts with the faults marked.
 """
@@ -21,7 +21,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from calibration.wiring.findings import WORDS, CheckupResult, lines
-from calibration.wiring.gains import SPREAD, gains_told
+from calibration.wiring.touches import GAINS, gains_told
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import DataFormatError, OutputError, SkinError
 from skinmap.io.output import staged_file
@@ -240,7 +240,7 @@ class _Side(NamedTuple):
         """Evidence of all touches together."""
         touches = [touch for one in kept for touch in one.gains]
         precision, pull = _told(touches, len(kept[0].channels))
-        covariance = np.asarray(np.linalg.inv(precision + np.eye(len(pull)) / SPREAD**2), float)
+        covariance = np.asarray(np.linalg.inv(precision + np.eye(len(pull)) / GAINS**2), float)
         gains = covariance @ pull
         scatter, meet = np.zeros(len(pull)), np.zeros(len(pull))
         for one in touches:

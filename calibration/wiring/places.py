@@ -18,7 +18,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from calibration.wiring.answer_model import (
+from calibration.wiring.boards import Boards, Fault, Hypotheses, Wiring, conjugate
+from calibration.wiring.touches import (
     NEAR,
     SHAPES,
     SPIKE,
@@ -29,8 +30,6 @@ from calibration.wiring.answer_model import (
     steps_at,
     tangents,
 )
-from calibration.wiring.boards import Boards, Wiring, conjugate
-from calibration.wiring.faults import Fault, Hypotheses
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.log_maps import log_map
 from skinmap.geometry.proximity import bridged_graph, nearest_first

@@ -12,9 +12,8 @@ from click.testing import CliRunner
 
 from benchmarks.calibration.person import Clumsiness, Patient, Person, parse_fault
 from calibration.wiring import Baseline, Doctor, Fault, Wiring, boards_of, judge_rest, make_touch
-from calibration.wiring.boards import GROUP, compose
+from calibration.wiring.boards import GROUP, KINDS, compose, corrected
 from calibration.wiring.examination import Case, Examination, Plan, examine_live, next_touch
-from calibration.wiring.faults import KINDS, corrected
 from calibration.wiring.findings import _silent, findings, lines
 from calibration.wiring.touches import Touch, find_touches
 from skinmap.cli.main import cli

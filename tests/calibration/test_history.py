@@ -13,7 +13,6 @@ from benchmarks.calibration.person import SimulatedSkin
 from calibration.wiring import Doctor, boards_of, make_touch
 from calibration.wiring.examination import Plan, examine_live
 from calibration.wiring.findings import findings, with_changes
-from calibration.wiring.gains import gains_told
 from calibration.wiring.history import (
     FORMAT,
     KeptCheckup,
@@ -24,6 +23,7 @@ from calibration.wiring.history import (
     keep_checkup,
     kept_part,
 )
+from calibration.wiring.touches import gains_told
 from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, OutputError, SkinMismatchError
 from viewer.layers import Layers

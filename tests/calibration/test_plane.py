@@ -12,7 +12,7 @@ from scipy.special import expit
 from calibration import Chain, Plane, PlaneContacts, fit_plane, robot_chain
 from calibration.commands import calibrate
 from calibration.commands.plane import read_planes
-from calibration.files.plane_files import read_plane_evidence
+from calibration.files.mount_files import read_plane_evidence
 from calibration.plane.model import PlaneProblem, patch_of
 from calibration.plane.poses import candidates, pressing, pressing_poses
 from calibration.plane.solve import first_states

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from calibration import Status, Touch, locate_by_touch
-from calibration.patch.board import make_board
-from calibration.patch.link_surface import make_target
+from calibration.patch.link_surface import make_board, make_target
 from calibration.patch.placing import check_touches, consistent
 from skinmap.errors import InvalidArrayError
 

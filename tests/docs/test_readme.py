@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.harness.origin import changed, today
+from benchmarks.harness.record import changed, today
 from skinmap.neighbours.offsets import concatenate
 from skinmap.neighbours.structures import find_structures
 

@@ -63,13 +63,16 @@ def test_commands_that_are_stopped_listen_where_this_program_does_not(tmp_path):
 
 
 def test_a_folder_that_becomes_read_only_is_one_line(tmp_path):
-    end, fault = stops.lock(stops.COMMANDS["simulate"], tmp_path / "out", Path())
+    end, fault = stops.stop(stops.COMMANDS["simulate"], tmp_path / "out", Path(), stops.LOCK)
     assert (end, fault) == ("refused", "")
 
 
 def test_the_judge_of_locked_folders_sees_one_that_is_not_locked(tmp_path, monkeypatch):
     monkeypatch.setattr(Path, "chmod", lambda *_: None)
-    assert stops.lock(stops.COMMANDS["simulate"], tmp_path / "out", Path()) == ("done", "")
+    assert stops.stop(stops.COMMANDS["simulate"], tmp_path / "out", Path(), stops.LOCK) == (
+        "done",
+        "",
+    )
 
 
 @pytest.mark.filterwarnings("ignore:Glyph 27")  # of the font that a picture is drawn with

@@ -13,7 +13,7 @@ from skinmap.cli.main import cli
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.normals import repair_normals
 from skinmap.touch.prepared_skin import PreparedSkin
-from viewer.drawing.skin.refinement import flat_vertices, refine
+from viewer.drawing.skin.skin_layer import flat_vertices, refine
 from viewer.web.scene_data import make_scene
 
 ROBOT = """

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from skinmap.live.contacts.named_touch import Moment
-from viewer.layers import Layers
-from viewer.pair import Pair
+from viewer.layers import Layers, Pair
 
 PART = "torso"
 

@@ -117,9 +117,9 @@ def test_picture_that_comes_too_late_is_held_back_and_then_marked(window, monkey
     for count in range(4):
         pressures = {p: np.full(len(one.skin), 10.0 + count) for p, one in scene.layers.items()}
         player._outlet.show(Moment(100.0 + count, pressures), fresh=True)
-        monkeypatch.setattr(player, "_paused", False)
+        monkeypatch.setattr(player, "paused", False)
         window.turn()
-        monkeypatch.setattr(player, "_paused", True)
+        monkeypatch.setattr(player, "paused", True)
         assert len(presented) == max(0, count - 1)
     assert "late: shown after 150 ms" in " ".join(status.texts)
     assert (window.punctual.held, window.punctual.late) == (2, 2)

@@ -1,6 +1,7 @@
 """The calibration view: a flat board beside its link, clicks that become anchors, the patch.
 
-All of it works without a screen; `run` adds mouse, keys, the loop, and a solver beside it.
+All of it works without a screen; `run` adds mouse, keys and the loop. A patch is solved in half a
+second, for which the window waits.
 """
 
 from __future__ import annotations
@@ -8,7 +9,6 @@ from __future__ import annotations
 import textwrap
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -17,7 +17,7 @@ import pyvista as pv
 from numpy.typing import NDArray
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 
-from calibration.commands.anchor_session import AnchorSession, Solution, solve
+from calibration.commands.anchor_session import AnchorSession
 from calibration.commands.calibration_options import Outputs
 from calibration.commands.results import MM
 from skinmap.arrays import FloatArray, IntArray
@@ -28,7 +28,7 @@ from viewer.colours import BODY, FAINT, INK, PANEL, RAW_STOPS, ramp, rgb
 from viewer.drawing.frame.camera import look_down, world_points
 from viewer.drawing.frame.canvas import BODY_SHARE, new_plotter
 from viewer.drawing.frame.polydata import add_actor, make_lines, make_mesh, show_cells
-from viewer.drawing.skin.draw_positions import LIFT, polygons
+from viewer.drawing.skin.skin_layer import LIFT, polygons
 from viewer.drawing.touches.touch_marks import ring_quads
 from viewer.drawing.words.legend import Legend
 from viewer.drawing.words.shapes import Line
@@ -356,8 +356,6 @@ class CalibrationView:
         self.session, self.output = session, output
         self.closed = False
         self.saved: tuple[str, ...] = ()
-        self.solve: Callable[[], None] = self.solve_now  # a window does it beside itself,
-        self.finish: Callable[[], object] = lambda: None  # and waits for that before it saves
         self.mouse: object = None  # what turns events into clicks and keys, kept alive here
         width, height = window_size
         font = max(11, round(min(height / 50, width / 80)))
@@ -431,7 +429,7 @@ class CalibrationView:
     def press(self, key: str) -> None:
         """What a key stands for; other keys do nothing."""
         actions: dict[str, Callable[[], Any]] = {
-            "s": self.solve,
+            "s": self.solve_now,
             "u": self.session.undo,
             "BackSpace": self.session.undo,
             "x": self.session.remove,
@@ -449,17 +447,13 @@ class CalibrationView:
     def _changed(self, *, solve: bool = True) -> None:
         """Solve as soon as there are anchors enough that were not solved yet, and draw."""
         if solve and self.session.ready:
-            self.solve()
+            self.solve_now()
         self.refresh()
 
     def solve_now(self) -> None:
         """Solve and turn to the patch when there was none before."""
         first = self.session.found is None
         self.session.solve()
-        self.show_solution(first)
-
-    def show_solution(self, first: bool) -> None:
-        """Draw what was solved; the first patch is looked at."""
         if first and self.session.found is not None:
             self.link.look()
         self.refresh()
@@ -469,7 +463,6 @@ class CalibrationView:
         if self.output.out is None:
             self.session.message = "nowhere to save to: start with -o FOLDER"
             return
-        self.finish()
         output = replace(self.output, accept=accept or self.output.accept)
         try:
             self.saved = self.session.save(output)
@@ -540,54 +533,6 @@ class Mouse:
             self.view.click(x, y)
 
 
-class Beside:
-    """Content of the right half of two side by side."""
-
-    def __init__(self, view: CalibrationView) -> None:
-        self.view = view
-        self._pool = ThreadPoolExecutor(1, "anchors")
-        self._job: Future[Solution] | None = None
-        view.solve = self.start
-        view.finish = self.wait
-
-    @property
-    def busy(self) -> bool:
-        """Whether something is being solved."""
-        return self._job is not None
-
-    def start(self) -> None:
-        """Begin with the anchors there are, unless it is at work: it looks again when done."""
-        session = self.view.session
-        if self._job is None:
-            job = session.task(), session.anchors
-            self._job = self._pool.submit(solve, *job)
-            session.message = "solving; go on"
-
-    def look(self, timeout: float | None = 0.0) -> bool:
-        """Take over what is done; whether there was something. Waits up to `timeout` seconds."""
-        if self._job is None:
-            return False
-        if timeout == 0.0 and not self._job.done():
-            return False
-        solution, self._job = self._job.result(timeout), None
-        session = self.view.session
-        first = session.found is None
-        session.accept(solution)
-        if session.ready:
-            self.start()
-        self.view.show_solution(first)
-        return True
-
-    def wait(self) -> None:
-        """Until all is solved: what is saved must not be solved twice at once."""
-        while self.busy:
-            self.look(None)
-
-    def close(self) -> None:
-        """Wait for what is being solved: a thread that outlives the program would crash it."""
-        self._pool.shutdown(wait=True, cancel_futures=True)
-
-
 def run(view: CalibrationView) -> None:
     """Show a view made with `off_screen=False` until the user closes it."""
     plotter: Any = view.plotter
@@ -595,18 +540,14 @@ def run(view: CalibrationView) -> None:
     plotter.show(interactive_update=True, auto_close=False, title="Skinmap: anchors")
     interactor = plotter.iren.interactor
     Mouse(view, interactor)
-    beside = Beside(view)
     if view.session.ready:
-        beside.start()
-        view.refresh()
+        view.solve_now()
     try:
         while not view.closed:
             interactor.ProcessEvents()
             if interactor.GetDone():
                 break
-            beside.look()
             view.window.Render()
             time.sleep(IDLE)
     finally:
-        beside.close()
         view.shut()

@@ -17,8 +17,7 @@ from skinmap.io.output import staged_file
 from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 from viewer.colours import DIFFERENCE_STOPS, INK, ramp
-from viewer.layers import Layer
-from viewer.pair import LEFT, ORDER, RIGHT, Pair, moved_touch, paired_touches
+from viewer.layers import LEFT, ORDER, RIGHT, Layer, Pair, moved_touch, paired_touches
 from viewer.results import Beside, ChangedTouch, Difference
 from viewer.scene import Scene
 from viewer.view_files import NEAR, shown_touches, still_moment

@@ -21,7 +21,7 @@ from skinmap.io.output import staged_file
 from skinmap.live.contacts.named_touch import Moment
 from viewer.colours import BODY, rgb
 from viewer.drawing.body.bare_body import body_meshes
-from viewer.drawing.skin.draw_positions import LIFT, polygons
+from viewer.drawing.skin.skin_layer import LIFT, polygons
 from viewer.drawing.skin.taxel_drawing import set_normals
 from viewer.scene import Scene
 from viewer.web.files import joined_scripts, page_text

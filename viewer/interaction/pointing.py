@@ -21,7 +21,7 @@ from skinmap.summary import first_few
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.frame.camera import FACING, Target, project, world_points
 from viewer.drawing.panel.touch_list import caption
-from viewer.drawing.skin.draw_positions import raised
+from viewer.drawing.skin.skin_layer import raised
 from viewer.drawing.skin.taxel_drawing import SIGNS
 from viewer.interaction.mouse import Lasso, Pace, Reach, Selection, reached
 from viewer.interaction.overlays import RING, TextBox, Trace2D

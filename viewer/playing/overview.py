@@ -53,7 +53,7 @@ class PairedPlayer(Player):
 
     def pause(self) -> None:
         """Halt both, at the same time of their recordings."""
-        if not self._paused:
+        if not self.paused:
             super().pause()
             if self.mate is not None:
                 Player.pause(self.mate)
@@ -61,9 +61,9 @@ class PairedPlayer(Player):
 
     def play(self) -> None:
         """Let both go on; one that ended before the other stays at its end."""
-        over = self._ended
+        over = self.ended
         super().play()
-        if self.mate is not None and (over or not self.mate._ended):
+        if self.mate is not None and (over or not self.mate.ended):
             Player.play(self.mate)
 
     def step(self, count: int) -> bool:
@@ -103,7 +103,7 @@ class PairedPlayer(Player):
         if self.mate is None or not (self.seekable and self.mate.seekable):
             return False
         ahead = self._next + self.later - self.mate._next
-        return self.mate._asked is not None or (ahead > AHEAD and not self.mate._ended)
+        return self.mate._asked is not None or (ahead > AHEAD and not self.mate.ended)
 
     @property
     def _next(self) -> float:

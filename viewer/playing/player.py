@@ -232,6 +232,15 @@ class Player:
     paused : bool
         Halt at the first moment.
 
+    Attributes
+    ----------
+    paused : bool
+        Whether the picture is halted.
+    ended : bool
+        Whether nothing more will come without a seek.
+    error : Exception or None
+        Why the source failed, if it did; the last moment stays.
+
     Examples
     --------
     >>> import numpy as np
@@ -260,15 +269,15 @@ class Player:
         self.timeline = Timeline()
         # Time of the recording's beginning, in the moments' clock [s].
         self._origin = float(getattr(self._feed, "began", math.nan))
-        self._paused = paused
+        self.paused = paused
         self._speed = 1.0
         self.before = BEFORE  # what is worked through before a jump's end [s]
         self._asked: float | None = None  # where to go, in the moments' clock [s]
         self._named = -math.inf  # what is remembered from before has touches without names [s]
         self._more = 1 if paused else 0  # moments still to be shown while paused
         self._held: Moment | None = None  # came while the picture was being halted: is next
-        self._ended = False
-        self._error: Exception | None = None
+        self.ended = False
+        self.error: Exception | None = None
         self._wake, self._stop = threading.Event(), threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -308,7 +317,7 @@ class Player:
 
     def take(self) -> Moment | None:
         """What is to be shown now, None where nothing has changed since the last call."""
-        return self._outlet.take(live=not self._paused)
+        return self._outlet.take(live=not self.paused)
 
     def wait(self, number: int, timeout: float) -> bool:
         """Wait until something else than `number` is to be shown; False after `timeout` [s]."""
@@ -318,7 +327,7 @@ class Player:
     def age(self) -> float:
         """How long ago the sample arrived that was taken last [s]; NaN where nothing is live."""
         shown = self.moment
-        live = shown is not None and not (shown.stale or self._paused or self._ended)
+        live = shown is not None and not (shown.stale or self.paused or self.ended)
         return self._outlet.age if live else math.nan
 
     @property
@@ -388,50 +397,35 @@ class Player:
         """Whether it was closed."""
         return self._stop.is_set()
 
-    @property
-    def ended(self) -> bool:
-        """Whether nothing more will come without a seek."""
-        return self._ended
-
-    @property
-    def error(self) -> Exception | None:
-        """Why the source failed, if it did; the last moment stays."""
-        return self._error
-
-    @property
-    def paused(self) -> bool:
-        """Whether the picture is halted."""
-        return self._paused
-
     # What can be asked for; False where the source cannot do it.
 
     def pause(self) -> None:
         """Halt the picture. A recording halts too, a live source goes on unseen."""
         with self._news:
-            if not self._paused:
-                self._paused = True
+            if not self.paused:
+                self.paused = True
                 self._remember_past()
         self._wake.set()
 
     def play(self) -> None:
         """Go on: a live source with its newest sample, a recording from where it stands."""
         with self._news:
-            if not (self._paused or self._ended):
+            if not (self.paused or self.ended):
                 return
-            self._paused = False
+            self.paused = False
             if self.seekable and self.moment is not None:
                 if self._cursor < len(self._past) - 1:
                     self._asked = self.moment.time
             elif (newest := self._history.newest) is not None:
                 self._outlet.show(newest)
             self._past, self._cursor = (), -1
-        if self._ended and self.seekable:
+        if self.ended and self.seekable:
             self.seek(0.0)
         self._wake.set()
 
     def toggle(self) -> None:
         """Pause or go on; at its end a recording begins again."""
-        (self.play if self._paused or (self._ended and self.seekable) else self.pause)()
+        (self.play if self.paused or (self.ended and self.seekable) else self.pause)()
 
     def step(self, count: int) -> bool:
         """Halt, and show `count` samples later (negative: earlier)."""
@@ -445,7 +439,7 @@ class Player:
                 self._cursor = there
                 self._outlet.show(self._past[there])
                 return True
-            shown, over = self.moment, self._ended and count > 0
+            shown, over = self.moment, self.ended and count > 0
             if shown is None or over or not self._feed.halts:
                 return False
             if count < 0:
@@ -501,7 +495,7 @@ class Player:
 
     def _set_loop(self, loop: bool) -> None:
         self._feed.loop = loop
-        if loop and self._ended and not self._paused:
+        if loop and self.ended and not self.paused:
             self.seek(0.0)
 
     @property
@@ -525,8 +519,8 @@ class Player:
                 self._turn()
         except Exception as error:  # noqa: BLE001 - told to whoever draws
             with self._news:
-                self._error = error
-                self._ended = True
+                self.error = error
+                self.ended = True
                 self._outlet.tell()
 
     def _turn(self) -> None:
@@ -534,14 +528,14 @@ class Player:
         self._wake.clear()
         with self._news:
             goal = None if math.isnan(self._origin) else self._asked
-            single = self._paused and self._more > 0
+            single = self.paused and self._more > 0
             halted = self._halted()
             if goal is None:
                 self._feed.pace(self._speed, halted=halted, hurried=single)
         if goal is not None:
             self._lead(goal)
             return
-        if halted or (self._ended and self._asked is None):
+        if halted or (self.ended and self._asked is None):
             self._wake.wait(WAIT)
             return
         with contextlib.suppress(SourceEnded):
@@ -550,11 +544,11 @@ class Player:
                 self._take_in(moment)
             return
         with self._news:
-            self._ended = self._asked is None
+            self.ended = self._asked is None
             self._outlet.tell()
 
     def _halted(self) -> bool:
-        return self._paused and self._feed.halts and self._more == 0 and self._asked is None
+        return self.paused and self._feed.halts and self._more == 0 and self._asked is None
 
     def _lead(self, goal: float) -> None:
         """Go to a time of the moments' clock [s], and remember what was before it."""
@@ -571,7 +565,7 @@ class Player:
             touched = [one.time for one in moments if one.touches and one.time < named]
             self._named = touched[-1] if touched else -math.inf
             self._past, self._cursor = (), -1
-            self._more, self._ended = int(self._paused and not moments), False
+            self._more, self.ended = int(self.paused and not moments), False
             if moments:
                 self._land(moments[-1])
 
@@ -581,20 +575,20 @@ class Player:
                 self._origin = moment.time
             if self._asked is not None:
                 return  # from before the jump that is asked for
-            if self._paused and self._feed.halts:
+            if self.paused and self._feed.halts:
                 if self._more == 0:
                     self._held = moment
                     return
                 self._more -= 1
             self._history.add(moment)
             self.timeline.see(moment)
-            if self._paused and not self._feed.halts and self.moment is not None:
+            if self.paused and not self._feed.halts and self.moment is not None:
                 return
             self._land(moment)
 
     def _land(self, moment: Moment) -> None:
         """Show the newest moment of the history."""
-        if self._paused:
+        if self.paused:
             self._remember_past()
         self._outlet.show(moment, fresh=True)
 

@@ -23,9 +23,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.colours import BACKGROUND, BODY, DOT, INK, RIM, TRACES, UNKNOWN
 from viewer.drawing.body.bare_body import Links, body_meshes, check_links, posed
 from viewer.drawing.frame.camera import VIEW_ANGLE, front_view
-from viewer.drawing.skin.draw_positions import DOT_SHARE
-from viewer.drawing.skin.refinement import flat_vertices
-from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
+from viewer.drawing.skin.skin_layer import DOT_SHARE, SkinLayer, build_layer, flat_vertices
 
 TYPES = ("u1", "i1", "u2", "u4", "i4", "f4")  # what a page has typed arrays for
 

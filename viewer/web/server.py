@@ -35,8 +35,7 @@ from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.body.bare_body import Links
 from viewer.interaction.view_file import SavedView, check_view, content_of
-from viewer.layers import Layers
-from viewer.pair import LEFT, RIGHT, Pair
+from viewer.layers import LEFT, RIGHT, Layers, Pair
 from viewer.playing.overview import PairedPlayer, new_players
 from viewer.playing.player import Player
 from viewer.results import ViewPage

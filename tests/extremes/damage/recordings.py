@@ -12,8 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from calibration.files.mount_files import read_arrays, read_samples, read_wrenches
-from calibration.files.plane_files import read_plane_evidence
+from calibration.files.mount_files import (
+    read_arrays,
+    read_plane_evidence,
+    read_samples,
+    read_wrenches,
+)
 from calibration.files.robot_touches import load_robot_touches
 from calibration.files.self_touch_files import load_part_touches, read_probes
 from calibration.files.tables import read_places
@@ -406,7 +410,7 @@ TARGETS = [
     Target("probes", "probes.toml", lambda: [PROBES], read_probes,
            ("calibration.files.self_touch_files.read_probes",)),
     *both("presses", "p.npz", lambda: [presses()], lambda p: read_plane_evidence([p], arm()),
-          ("calibration.files.plane_files.read_plane_evidence",)),
+          ("calibration.files.mount_files.read_plane_evidence",)),
     Target("places", "places.csv", lambda: [PLACES], lambda p: read_places(p, "forearm"),
            ("calibration.files.tables.read_places",)),
     *both("self-touch-part", "part_A.npz", lambda: [part(0)],

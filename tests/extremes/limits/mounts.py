@@ -9,8 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from calibration.mount.chains import Chain, TouchRecording
-from calibration.mount.mount_wrench import fit_wrench
-from calibration.mount.rigid_mount import fit_mount
+from calibration.mount.rigid_mount import fit_mount, fit_wrench
 from calibration.mount.skin_contacts import SelfTouchFit, self_touch
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.rigid import transform_points

@@ -197,21 +197,6 @@ def test_collinear_anchors_are_said_in_the_picture(view, hand, places):
     assert view.frame().any()
 
 
-def test_solver_beside_the_picture_takes_the_last_anchors(view, places):
-    from viewer.anchors.view import Beside
-
-    beside = Beside(view)
-    for row in CORNERS:
-        view.session.pick_taxel(row)
-        view.session.pick_point(places[row])
-        view._changed()  # four anchors come while three are being solved
-    view.save()  # waits for both
-    assert not beside.busy
-    assert view.session.found is not None
-    assert not view.session.stale
-    beside.close()
-
-
 def write(folder, board, link, places, taxels=CORNERS, unit=1.0):
     """Files of a board, a link and anchors; the arguments that name them."""
     rows = [f"{c},{m},{x / unit!r},{y / unit!r}" for c, m, (x, y) in zip(

@@ -5,8 +5,7 @@ from skinmap.geometry.triangles import face_areas, signed_areas
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.skin.skin import Skin
 from skinmap.touch.prepared_skin import PreparedSkin
-from viewer.drawing.skin.draw_positions import body_places, flat_places, mark_scale, taxel_cells
-from viewer.drawing.skin.refinement import refine
+from viewer.drawing.skin.skin_layer import body_places, flat_places, mark_scale, refine, taxel_cells
 from viewer.drawing.touches.touch_marks import LONG, arrow
 
 

@@ -6,7 +6,7 @@ from skinmap.geometry.topology import border_edges, check_surface, euler_number
 from skinmap.geometry.triangles import face_normals
 from skinmap.skin.skin import skin_from_points
 from skinmap.surface.surface_mesh import build_surface
-from viewer.drawing.skin.refinement import refine, split
+from viewer.drawing.skin.skin_layer import refine, split
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from skinmap.cli.main import cli
 from skinmap.errors import SkinError, SkinWarning
 from skinmap.live.contacts.named_touch import NamedTouch
 from viewer.export.beside import changed_touch
-from viewer.pair import moved_touch, paired_touches
+from viewer.layers import moved_touch, paired_touches
 
 
 def recorded(path: Path, robot: str, part: str, seed: int) -> Path:

@@ -25,8 +25,7 @@ from viewer.drawing.panel.flat_panel import FlatPanel
 from viewer.drawing.skin.skin_layer import SkinLayer
 from viewer.drawing.skin.skin_view import JoinedSheets, SkinView, signs_of
 from viewer.drawing.skin.taxel_drawing import ColourTable, TaxelDrawing
-from viewer.drawing.touches.touch_marks import KeptContours, Rings
-from viewer.drawing.touches.touch_view import TouchView
+from viewer.drawing.touches.touch_marks import KeptContours, Rings, TouchView
 from viewer.drawing.words.labels import Box
 from viewer.drawing.words.legend import Legend
 from viewer.drawing.words.shapes import Line

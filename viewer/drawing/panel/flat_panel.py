@@ -20,8 +20,7 @@ from viewer.colours import FAINT, PANEL, RIM, touch_colour
 from viewer.drawing.frame.camera import look_down
 from viewer.drawing.frame.polydata import add_actor, make_lines
 from viewer.drawing.panel.touch_list import TouchList
-from viewer.drawing.skin.draw_positions import flat_places, raised
-from viewer.drawing.skin.skin_layer import SkinLayer
+from viewer.drawing.skin.skin_layer import SkinLayer, flat_places, raised
 from viewer.drawing.skin.taxel_drawing import ColourTable, TaxelDrawing
 from viewer.drawing.touches.touch_marks import (
     Ground,

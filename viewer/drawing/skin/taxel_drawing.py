@@ -21,8 +21,7 @@ from skinmap.geometry.triangles import unit
 from viewer.colours import DOT, INK, SHEET, UNKNOWN, rgb
 from viewer.drawing.body.body_view import flat, light
 from viewer.drawing.frame.polydata import add_actor, make_mesh
-from viewer.drawing.skin.draw_positions import DISC_SHARE, Places, polygons
-from viewer.drawing.skin.refinement import unsplit
+from viewer.drawing.skin.skin_layer import DISC_SHARE, Places, polygons, unsplit
 from viewer.layers import Layer
 
 THIN = 0.17  # half the width of a stroke, in radii
