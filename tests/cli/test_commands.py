@@ -218,6 +218,16 @@ def test_plain_turns_what_json_lacks_into_null():
     }
 
 
+def test_inspect_leaves_repairs_out_when_asked():
+    words = ("inspect", "--part", "left_foot", "--skip", "normals")
+    (part,) = run(*words)["parts"]
+    assert part["normals_repaired"] == 0
+    assert part["normal_angle_deg"]["median"] > 45
+    result = run_process("inspect", "--part", "left_foot", "--skip", "polish")
+    assert result.returncode == 2
+    assert "no repair step 'polish'; the repair steps are: units, thermal" in result.stderr
+
+
 def test_flatten_takes_any_mesh_file(tmp_path):
     import trimesh
 

@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from skinmap.cli.inspect.inspect_result import InspectResult, PartRow
-from skinmap.commands.options import open_robot, part_option, prints, word
+from skinmap.commands.options import open_robot, part_option, prints, word, words
 from skinmap.report.present import present
 from skinmap.report.result import given
 from skinmap.report.table import Table
@@ -21,12 +21,14 @@ TABLES = (".txt", ".csv", ".json")
 @click.argument("robots", nargs=-1, metavar="[ROBOT|TABLE...]")
 @part_option
 @word("--module", "LAYOUT", "Module layout of a bare table (triangle_10pad, a .toml, a .csv).")
+@words("--skip", "skipped", "STEP", "Repair step to leave out; may be repeated.")
 @prints(InspectResult)
 def command(robots: tuple[str, ...], as_json: bool, **asked: Any) -> None:
     """Show the parts of a robot: taxels, repairs, distance to the body, pitch, modules, verdict.
 
     ROBOT is a built-in name (default: icub), the path of a manifest, or one or several bare taxel
     tables; of CySkin files (.json) every fault is named, those that they have together too.
+    Repair steps are units, thermal, collapsed and normals.
 
     \b
     Example:  skinmap inspect icub --part right_forearm --json
@@ -37,16 +39,24 @@ def command(robots: tuple[str, ...], as_json: bool, **asked: Any) -> None:
     present(result, lambda one: [*_lines(one), _next(one, names)], as_json=as_json)
 
 
-def work(robots: tuple[str, ...], parts: tuple[str, ...], module: str | None) -> InspectResult:
+def work(
+    robots: tuple[str, ...], parts: tuple[str, ...], module: str | None, skipped: tuple[str, ...]
+) -> InspectResult:
     """Measure all parts."""
-    from skinmap.cli.inspect.inspection import file_faults_of, inspect_part, inspect_table
+    from skinmap.cli.inspect.inspection import (
+        file_faults_of,
+        inspect_part,
+        inspect_table,
+        repair_steps,
+    )
 
+    steps = repair_steps(skipped)
     tables = list(dict.fromkeys(Path(robot) for robot in robots))
     if all(path.suffix.lower() in TABLES for path in tables):
         if parts:
             raise click.UsageError(f"--part is for a robot; {robots[0]} is a bare table")
         faults = file_faults_of(tables)
-        rows = [inspect_table(path, module, faults.get(path, ())) for path in tables]
+        rows = [inspect_table(path, module, steps, faults.get(path, ())) for path in tables]
         name = ", ".join(path.name for path in tables)
     elif len(robots) > 1:
         raise click.UsageError("several tables, or one robot: not " + " ".join(robots)[:200])
@@ -54,6 +64,7 @@ def work(robots: tuple[str, ...], parts: tuple[str, ...], module: str | None) ->
         raise click.UsageError(f"--module is for bare tables; {robots[0]} is a robot")
     else:
         loaded, names = open_robot(robots[0], parts)
+        loaded.steps = steps
         rows = [inspect_part(loaded, name) for name in names]
         name = loaded.name
     taxels = sum(row.taxels for row in rows)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +11,14 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import FloatArray
 from skinmap.cli.inspect.inspect_result import DrawingMatch, PartRow, Spread
-from skinmap.errors import InvalidMeshError
+from skinmap.errors import InvalidMeshError, check_known
 from skinmap.io.flat_maps.drawing import read_drawing
 from skinmap.io.taxels.cyskin import file_faults, read_cyskin, set_faults
 from skinmap.io.taxels.taxel_table import read_taxels
 from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
 from skinmap.skin.cover import FAR, SkinFit, Standing, judge_standing, measure_fit
 from skinmap.skin.modules import ModuleLayout, module_layout, module_normals
-from skinmap.skin.repair import RepairReport, repair_table
+from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, repair_table
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, skin_from_table
 from skinmap.skin.taxels import NO_ID, TaxelTable
@@ -98,15 +98,30 @@ def _drawing_match(report: RepairReport, path: Path) -> DrawingMatch:
     )
 
 
-def inspect_table(path: Path, module: str | None, faults: Sequence[str] = ()) -> PartRow:
+def repair_steps(skipped: Collection[str]) -> tuple[str, ...]:
+    """The repair steps less those to leave out.
+
+    Raises
+    ------
+    UnknownNameError
+        A step that does not exist.
+    """
+    check_known("repair step", skipped, ALL_STEPS)
+    return tuple(step for step in ALL_STEPS if step not in skipped)
+
+
+def inspect_table(
+    path: Path, module: str | None, steps: Collection[str], faults: Sequence[str] = ()
+) -> PartRow:
     """The numbers of a bare table without a body; `faults` are known of its file."""
     layout = None if module is None else module_layout(module)
     table = read_taxels(path)
-    report = repair_table(table, layout)
+    report = repair_table(table, layout, steps=steps)
     hint = None if layout is None else module_normals(report.table, layout)
     if hint is None and table.normals.any() and path.suffix.lower() == CYSKIN:
         hint = report.table.normals
-    skin = skin_from_table(report.table, None, path.stem, table.link, hint=hint)
+    keep = NORMALS not in steps
+    skin = skin_from_table(report.table, None, path.stem, table.link, hint=hint, keep_normals=keep)
     more: dict[str, Any] = {"distance_mm": None}
     warnings: list[str] = []
     if layout is not None:
