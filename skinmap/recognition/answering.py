@@ -34,7 +34,7 @@ from skinmap.recognition.prediction_sets import (
 )
 from skinmap.recognition.rbf_machine import RbfMachine
 from skinmap.touch.contacts.contact_geometry import FEATURES, SIZE, contact_geometry, contact_shape
-from skinmap.touch.contacts.motion_features import MOTION_FEATURES, MOVES
+from skinmap.touch.contacts.motion_features import MOTION_FEATURES
 from skinmap.touch.contacts.skin_geometry import pool_event
 from skinmap.touch.simulation.gestures import TIME
 from skinmap.touch.simulation.hands import HAND
@@ -43,7 +43,6 @@ if TYPE_CHECKING:
     from skinmap.recognition.classifier import Classifier
 
 STILL, MOVING = ContactGeometry(motion=False), ContactGeometry(motion=True)
-REACH = MOTION_FEATURES.index("reach_mm")
 STAYS = "still"  # the motion of a touch that stays
 COVERAGE = 0.9  # of the sets
 SURE = (0.2, 0.8)  # probability of a hand below which it is none, and from which it is one
@@ -77,18 +76,19 @@ class Machine:
         """Names that it tells apart."""
         return tuple(map(str, self.machine.classes_))
 
-    def shares(self, row: FloatArray) -> FloatArray:
+    def shares(self, row: FloatArray, near: FloatArray | None = None) -> FloatArray:
         """(c,) probability of each of `labels` for a row (1, d)."""
-        return np.asarray(self.machine.probabilities(row)[0])
+        return np.asarray(self.machine.probabilities(row, near)[0])
 
     def answer(self, row: FloatArray, skin: str) -> Answer:
         """The likeliest name of a touch on the skin of a fingerprint, and its set."""
-        share, labels = self.shares(row), self.labels
+        near = self.machine.squares(row)
+        share, labels = self.shares(row, near), self.labels
         best = int(np.argmax(share))
         names: tuple[str, ...] = ()
         if self.sets is not None:
             limit = self.sets.threshold(COVERAGE, skin)
-            strange = float(self.machine.strangeness(row)[0])
+            strange = float(self.machine.strangeness(row, near)[0])
             names = self.sets.names(share, labels, strange, limit)
         return Answer(labels[best], float(share[best]), names or (labels[best],))
 
@@ -135,7 +135,7 @@ class HandNetworks:
             found = found[:, 0] + layer[:, -1]
         share = np.exp(found - found.max(axis=1, keepdims=True))
         share /= share.sum(axis=1, keepdims=True)
-        return float(share[:, np.isin(self.labels, HAND)].sum(axis=1).mean())
+        return float(share[:, [one in HAND for one in self.labels.tolist()]].sum(axis=1).mean())
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """What a model file keeps."""
@@ -268,18 +268,14 @@ def shape_row(touch: Touch) -> FloatArray:
     not its shape.
     """
     still = STILL.describe(touch)
-    if len(still) == 0:
-        return still
-    moving = MOVING.describe(touch)
-    if moving[0, len(FEATURES) + REACH] <= MOVES:
+    if len(still) == 0 or MOVING.stays(touch):
         return still
     return contact_geometry(touch.skin.geometry, _heaviest(touch))[None]
 
 
 def hand_row(touch: Touch, row: FloatArray) -> FloatArray:
     """(d,) what networks for hands see: a row (1, e) of `shape_row`, and the contact's shape."""
-    stays = MOVING.describe(touch)[0, len(FEATURES) + REACH] <= MOVES
-    pressures = pool_event(touch.samples) if stays else _heaviest(touch)
+    pressures = pool_event(touch.samples) if MOVING.stays(touch) else _heaviest(touch)
     return np.concatenate([np.log1p(row[0]), contact_shape(touch.skin.geometry, pressures)])
 
 

@@ -153,6 +153,10 @@ class ContactGeometry:
             row = self._still[touch] = self._measure(touch)
         return self._joined(row, self._motion(touch)[: len(row)]) if self.moving else row
 
+    def stays(self, touch: Touch) -> bool:
+        """Whether it is felt at one place: its shape is then that of all samples."""
+        return bool(self._motion(touch)[0, self.REACH] <= MOVES)
+
     def _joined(self, still: FloatArray, motion: FloatArray) -> FloatArray:
         stays = self.blurred | (motion[:, self.REACH] <= MOVES)
         return np.concatenate([still * stays[:, None], motion], axis=1)

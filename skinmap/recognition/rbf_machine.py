@@ -79,16 +79,19 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
         check_is_fitted(self)
         return self.probabilities(validate_data(self, X, dtype=np.float64, reset=False))
 
-    def probabilities(self, rows: FloatArray) -> FloatArray:
-        """As `predict_proba`, of rows (m, d) that need no check: for one touch at a time."""
-        scores = self._scores(rows)
+    def probabilities(self, rows: FloatArray, near: FloatArray | None = None) -> FloatArray:
+        """As `predict_proba`, of rows (m, d) that need no check: for one touch at a time.
+
+        `near` are their `squares`, if they are known.
+        """
+        scores = self._scores(self.squares(rows) if near is None else near)
         share = np.exp(scores - scores.max(axis=1, keepdims=True))
         return np.asarray(share / share.sum(axis=1, keepdims=True))
 
-    def strangeness(self, rows: FloatArray) -> FloatArray:
+    def strangeness(self, rows: FloatArray, near: FloatArray | None = None) -> FloatArray:
         """(m,) distance of rows (m, d) from the nearest other vector, in deviations a column."""
-        scaled = (np.log1p(np.maximum(rows, 0.0)) - self.mean_) / self.scale_
-        near = np.partition(self._squares(scaled), 1, axis=1)[:, :2] / scaled.shape[1]
+        near = self.squares(rows) if near is None else near
+        near = np.partition(near, 1, axis=1)[:, :2] / rows.shape[1]
         return np.asarray(np.sqrt(np.where(near[:, 0] < ITSELF, near[:, 1], near[:, 0])))
 
     def predict(self, X: ArrayLike) -> Any:
@@ -133,9 +136,8 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
     def _pairs(self) -> int:
         return len(self.classes_) * (len(self.classes_) - 1) // 2
 
-    def _scores(self, rows: FloatArray) -> FloatArray:
-        scaled = (np.log1p(np.maximum(rows, 0.0)) - self.mean_) / self.scale_
-        return np.asarray(self._decisions(scaled) @ self.worth_.T + self.bias_)
+    def _scores(self, near: FloatArray) -> FloatArray:
+        return np.asarray(self._decided(near) @ self.worth_.T + self.bias_)
 
     def _train(self, scaled: FloatArray, number: np.ndarray) -> None:
         from sklearn.svm import SVC
@@ -149,12 +151,18 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
         self.weights_ = pair_coefficients(machine)
 
     def _decisions(self, scaled: FloatArray) -> FloatArray:
-        """(m, pairs) one-against-one decisions, cut off where they say no more."""
-        kernel = np.exp(-self.gamma_ * self._squares(scaled))
+        return self._decided(self._squares(scaled))
+
+    def _decided(self, near: FloatArray) -> FloatArray:
+        """(m, pairs) one-against-one decisions by squares, cut off where they say no more."""
+        kernel = np.exp(-self.gamma_ * near)
         return np.clip(kernel @ self.weights_.T + self.offsets_, -MARGIN, MARGIN)
 
+    def squares(self, rows: FloatArray) -> FloatArray:
+        """(m, vectors) squared distances of rows (m, d) from the vectors, in deviations."""
+        return self._squares((np.log1p(np.maximum(rows, 0.0)) - self.mean_) / self.scale_)
+
     def _squares(self, scaled: FloatArray) -> FloatArray:
-        """(m, vectors) squared distances from the vectors."""
         near = scaled @ self.vectors_.T
         near *= -2.0
         near += self.squares_

@@ -81,14 +81,8 @@ def accurate_faces(cloud: Cloud, limits: Limits, body: TriangleMesh) -> IntArray
         allowed=near,
     )
     triangles = _within(cloud, dual.triangles, near, limits.max_edge)
-    weights = np.repeat([DUAL_VOTES, 1], [len(triangles), len(votes)])
-    faces = consensus(
-        cloud.points,
-        cloud.normals,
-        np.concatenate([triangles, votes]),
-        limits.least_altitude,
-        weights=weights,
-    )
+    votes = np.concatenate([*DUAL_VOTES * [triangles], votes])
+    faces = consensus(cloud.points, cloud.normals, votes, limits.least_altitude)
     return close_small_holes(cloud, limits, faces)
 
 

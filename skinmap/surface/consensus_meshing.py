@@ -123,7 +123,8 @@ def fill_holes(
         if number in outer or len(loop) > largest:
             continue
         patch = close_loop(points, normals, loop, used=used_chords(np.concatenate(patches), loop))
-        if len(patch) and is_solid(points, normals, patch, least_altitude).all():
+        sides = edge_lengths(points, patch).max(axis=1)
+        if len(patch) and is_solid(points, normals, patch, sides, least_altitude).all():
             patches.append(patch)
     return np.concatenate(patches)
 
@@ -194,58 +195,55 @@ def consensus(
     normals: FloatArray,
     votes: IntArray,
     least_altitude: float,
-    *,
-    weights: IntArray | None = None,
 ) -> IntArray:
     """Faces (m, 3) chosen from voted triangles (t, 3): most votes first, then shortest.
 
     Slivers below an altitude [m] and triangles that stand upright on the skin (three border
     taxels round a bend) are none of it. A triangle is taken if each of its directed edges is
     still free, which keeps the mesh edge-manifold, oriented and free of folds; smaller fans at
-    pinched corners go at last. `weights` (t,) say how much each vote counts, 1 by default.
+    pinched corners go at last.
     """
     if len(votes) == 0:
         return np.zeros((0, 3), np.int64)
-    triangles, count = tally(votes, len(points), weights)
-    solid = is_solid(points, normals, triangles, least_altitude)
-    longest = edge_lengths(points, triangles[solid]).max(axis=1)
-    order = np.lexsort((longest, -count[solid]))
+    triangles, count = tally(votes, len(points))
+    longest = edge_lengths(points, triangles).max(axis=1)
+    solid = is_solid(points, normals, triangles, longest, least_altitude)
+    order = np.lexsort((longest[solid], -count[solid]))
     triangles = triangles[solid][order]
     return without_pinches(triangles[take_in_turn(_edge_numbers(triangles, len(points)))])
 
 
 def is_solid(
-    points: FloatArray, normals: FloatArray, triangles: IntArray, least_altitude: float
+    points: FloatArray,
+    normals: FloatArray,
+    triangles: IntArray,
+    longest: FloatArray,
+    least_altitude: float,
 ) -> BoolArray:
-    """(t,) whether triangles have an altitude above a limit and lie on the skin, outside up."""
+    """(t,) whether triangles of longest edges (t,) are high enough and lie outside up."""
     cross = cross_products(points, triangles)
     double = np.sqrt(np.einsum("ij,ij->i", cross, cross))
     up = normals[triangles]
     mean = up.sum(axis=1)
     facing = np.einsum("ij,ij->i", cross, mean)
-    solid = double > least_altitude * edge_lengths(points, triangles).max(axis=1)
+    solid = double > least_altitude * longest
     solid &= facing > FACING * double * np.sqrt(np.einsum("ij,ij->i", mean, mean))
     # No corner may look the other way: its taxel is on the far side, or its normal turned over.
     solid &= np.einsum("tij,tj->ti", up, cross).min(axis=1, initial=np.inf) > 0
     return np.asarray(solid)
 
 
-def tally(votes: IntArray, n: int, weights: IntArray | None = None) -> tuple[IntArray, IntArray]:
+def tally(votes: IntArray, n: int) -> tuple[IntArray, IntArray]:
     """Triangles (k, 3) that got votes (t, 3), smallest corner first, sorted; votes (k,) of each."""
-    start = np.argmin(votes, axis=1)
-    rolled = np.take_along_axis(votes, (start[:, None] + np.arange(3)) % 3, axis=1)
-    if n <= PACKED:
-        key = (rolled[:, 0] * n + rolled[:, 1]) * n + rolled[:, 2]
-        order = np.argsort(key, kind="stable")
-        ordered = key[order]
-        fresh = np.flatnonzero(np.diff(ordered, prepend=-1))
-    else:
-        order = np.lexsort(rolled.T[::-1])
-        ordered_rows = rolled[order]
-        changed = (np.diff(ordered_rows, axis=0) != 0).any(axis=1)
-        fresh = np.flatnonzero(np.concatenate([[True], changed]))
-    weight = np.ones(len(votes), np.int64) if weights is None else weights[order]
-    return rolled[order[fresh]], np.add.reduceat(weight, fresh)
+    if n > PACKED:
+        start = np.argmin(votes, axis=1)
+        rolled = np.take_along_axis(votes, (start[:, None] + np.arange(3)) % 3, axis=1)
+        return np.unique(rolled, axis=0, return_counts=True)
+    a, b, c = votes.T
+    turns = [(a * n + b) * n + c, (b * n + c) * n + a, (c * n + a) * n + b]
+    key, count = np.unique(np.minimum.reduce(turns), return_counts=True)
+    pair, last = np.divmod(key, n)
+    return np.column_stack([*np.divmod(pair, n), last]), count
 
 
 def _edge_numbers(triangles: IntArray, n: int) -> IntArray:

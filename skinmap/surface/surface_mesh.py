@@ -181,8 +181,8 @@ def build_surface(
     if faces is not None:
         return surface_from_faces(skin, faces)
     check_known("meshing method", [method], MESHING)
-    places = len(np.unique(skin.positions, axis=0))
-    if 0 < len(skin) < 3 or (places > 2 and on_a_line(skin.positions)):
+    in_a_row = on_a_line(skin.positions) and len(np.unique(skin.positions, axis=0)) > 2
+    if 0 < len(skin) < 3 or in_a_row:
         none = np.zeros(0, np.int64)
         return SurfaceMesh(skin, none.reshape(0, 3), np.arange(len(skin)), none)
     if skin.pieces is not None:

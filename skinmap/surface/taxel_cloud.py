@@ -80,9 +80,7 @@ def make_cloud(positions: FloatArray, normals: FloatArray, merge: float | None =
     representative, vertices, near = _distinct(scaled, normals, tolerance)
     if len(vertices) < 3:
         raise InvalidMeshError(f"{len(vertices)} distinct taxels make no surface: at least 3")
-    order = np.lexsort(scaled[vertices].T[::-1])
-    vertices, near, spacing = vertices[order], near[order], float(np.median(near))
-    points, normals = scaled[vertices], normals[vertices]
+    points, normals, spacing = scaled[vertices], normals[vertices], float(np.median(near))
     spacings = local_spacings(points, normals, near, spacing)
     return Cloud(points, normals, vertices, representative, centre, unit, spacing, spacings)
 
@@ -128,13 +126,16 @@ def _distinct(
 ) -> tuple[IntArray, IntArray, FloatArray]:
     """Representative (n,), distinct points (k,) and how far the nearest other is from each (k,).
 
+    The distinct points are in lexicographic order.
+
     Where taxels stand in near-coincident groups the nearest other says nothing of the spacing:
     what is nearer than a hundredth of the distance to the eighth is merged first. Taxels that
     look the other way are on the far side of a thin part and no neighbours.
     """
-    _, first, same = np.unique(points, axis=0, return_index=True, return_inverse=True)
-    representative = first[same.ravel()]
-    vertices = np.sort(first)
+    order = np.lexsort(points.T[::-1])
+    fresh = (np.diff(points[order], axis=0, prepend=np.nan) != 0).any(axis=1)
+    vertices, representative = order[fresh], np.empty(len(points), np.int64)
+    representative[order] = vertices[np.cumsum(fresh) - 1]
     while len(vertices) > 1:
         distance, index = _nearest_on_its_side(points[vertices], normals[vertices])
         near, far = distance[:, 0], distance[:, -1]
@@ -153,7 +154,7 @@ def _distinct(
         stand_in = np.arange(len(points))
         stand_in[vertices] = lowest[label]
         representative = stand_in[representative]
-        vertices = np.unique(representative)
+        vertices = order[representative[order] == order]
     return representative, vertices, np.zeros(len(vertices))
 
 
@@ -195,7 +196,7 @@ def faces_away(normals: FloatArray, rows: IntArray, index: IntArray) -> BoolArra
 NEIGHBOURS = 20  # more than two rings of a hexagonal lattice; a star needs one
 FEW = 12  # close most stars too; at borders a little less is seen
 JITTER = 1e-4  # in spacings: the least that breaks the ties of a square grid bent in space
-FIRST = 12  # nearest to begin with: they settle most stars
+FIRST = 9  # nearest to begin with: they settle most stars
 FLAT = 1e-12  # of the inverted size squared: less is a rounding error
 CHUNK = 256  # taxels at a time: the k^2 numbers of a star stay in the processor's cache
 MANY = 65_536  # bounds the memory of the neighbour table

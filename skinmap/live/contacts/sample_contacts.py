@@ -207,13 +207,13 @@ def closest_on_faces(
     w = (d00 * d21 - d01 * d20) / safe
     inside = (scale > 0) & (v >= 0) & (w >= 0) & (v + w <= 1)
     # Feet on the edges ab, ac and bc, by (v, w).
-    on_ab = np.clip(d20 / np.where(d00 > 0, d00, 1.0), 0.0, 1.0)
-    on_ac = np.clip(d21 / np.where(d11 > 0, d11, 1.0), 0.0, 1.0)
-    long = d00 - 2.0 * d01 + d11
-    on_bc = np.clip((d21 - d20 + d00 - d01) / np.where(long > 0, long, 1.0), 0.0, 1.0)
+    along = np.array([d20, d21, d21 - d20 + d00 - d01])
+    long = np.array([d00, d11, d00 - 2.0 * d01 + d11])
+    feet = np.minimum(np.maximum(along / np.where(long > 0, long, 1.0), 0.0), 1.0)
+    on_ab, on_ac, on_bc = feet
     zero = np.zeros_like(v)
-    vs = np.stack([np.where(inside, v, on_ab), on_ab, zero, 1.0 - on_bc])
-    ws = np.stack([np.where(inside, w, zero), zero, on_ac, on_bc])
+    vs = np.array([np.where(inside, v, on_ab), on_ab, zero, 1.0 - on_bc])
+    ws = np.array([np.where(inside, w, zero), zero, on_ac, on_bc])
     # |p - (a + v ab + w ac)|^2 without |ap|^2, which the three share, plus that.
     gap = vs * vs * d00 + 2 * vs * ws * d01 + ws * ws * d11 - 2 * (vs * d20 + ws * d21)
     own = (gap.min(axis=0) + _dot(ap, ap)).argmin(axis=1)

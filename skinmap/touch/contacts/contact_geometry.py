@@ -13,8 +13,10 @@ and a hand have islands alike, and differ in how far those are apart.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 import numpy as np
+from scipy.spatial.distance import pdist
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.proximity import nearest_first
@@ -76,8 +78,7 @@ def contact_geometry(geometry: SkinGeometry, pressures: FloatArray) -> FloatArra
     load = pressures[index].astype(np.float64)
     piece = connected(geometry.bridged, active, index)
     index, load, piece = strongest_taxels(index, load, piece)
-    distances = geometry.distances(index, index)
-    plane = skin_plane(geometry, index, load, distances)
+    plane = skin_plane(geometry, index, load)
     areas = geometry.areas[index]
     loads = np.bincount(piece, load)
     share = loads / loads.sum()
@@ -93,9 +94,9 @@ def contact_geometry(geometry: SkinGeometry, pressures: FloatArray) -> FloatArra
     carried = load[order].cumsum() / total
     radii = centre_distance[order][carried.searchsorted((0.5, 0.9 - 1e-12))]
     strongest = np.sort(load)[::-1][: max(1, len(load) // 5)]
-    summits = _summits(geometry, active, index, load, pressures)
+    summits = _summits(geometry, index, load, pressures)
     even = _spread(plane, areas)  # whatever the gains: each taxel as its skin
-    gaps = _gaps(distances, piece, len(loads))
+    gaps = _gaps(geometry, index, piece, len(loads))
     return np.array(
         [
             areas.sum() * MM**2,
@@ -130,24 +131,23 @@ def contact_geometry(geometry: SkinGeometry, pressures: FloatArray) -> FloatArra
     )
 
 
-def skin_plane(
-    geometry: SkinGeometry,
-    index: IntArray,
-    load: FloatArray,
-    distances: FloatArray | None = None,
-) -> FloatArray:
+def skin_plane(geometry: SkinGeometry, index: IntArray, load: FloatArray) -> FloatArray:
     """(k, 2) places of taxels in the plane that keeps their paths along the skin best [m].
 
     Classical scaling weighted by the load: the origin is the centre of the load and the axes are
     its principal directions. Two steps of subspace iteration from the tangent plane find them.
     """
+    return _plane(geometry, index.tobytes(), load.tobytes())
+
+
+@lru_cache(maxsize=2)  # numbers and shape of one touch are asked one after the other
+def _plane(geometry: SkinGeometry, taxels: bytes, loads: bytes) -> FloatArray:
+    index, load = np.frombuffer(taxels, np.int64), np.frombuffer(loads)
     points = geometry.mesh.vertices[index]
     weight = load / load.sum()
     if len(index) == 1:
         return np.zeros((1, 2))
-    if distances is None:
-        distances = geometry.distances(index, index)
-    squared = distances**2
+    squared = geometry.distances(index, index) ** 2
     row = squared @ weight
     centred = -0.5 * (squared - row[:, None] - row[None, :] + weight @ row)
     root = np.sqrt(weight)
@@ -178,8 +178,8 @@ def _orthonormal(columns: FloatArray) -> FloatArray:
 
 def _tangents(geometry: SkinGeometry, index: IntArray, weight: FloatArray) -> FloatArray:
     """(3, 2) axes across the mean normal (Duff et al., JCGT 6(1), 2017)."""
-    x, y, z = weight @ geometry.mesh.skin.normals[index]
-    length = np.sqrt(x * x + y * y + z * z)
+    x, y, z = (weight @ geometry.mesh.skin.normals[index]).tolist()
+    length = math.sqrt(x * x + y * y + z * z)
     x, y, z = (x / length, y / length, z / length) if length > 0 else (0.0, 0.0, 1.0)
     sign = 1.0 if z >= 0 else -1.0
     a = -1.0 / (sign + z)
@@ -217,19 +217,20 @@ def _largest_gap(
     for contact in heavy:
         own = piece == contact
         members = index[own]
-        points = geometry.mesh.vertices[members]
-        away = points - np.average(points, axis=0, weights=load[own])
+        points, weight = geometry.mesh.vertices[members], load[own, None]
+        away = points - (points * weight).sum(axis=0) / weight.sum()
         centres.append(members[nearest_first(np.linalg.norm(away, axis=1))[0]])
     return _farthest(geometry, np.array(centres))
 
 
-def _gaps(distances: FloatArray, piece: IntArray, count: int) -> FloatArray:
+def _gaps(geometry: SkinGeometry, index: IntArray, piece: IntArray, count: int) -> FloatArray:
     """(count - 1,) free skin between contacts [m]: the shortest links that join them all (Prim)."""
     if count < 2:
         return np.zeros(0)
     order = np.argsort(piece, kind="stable")
     starts = np.searchsorted(piece[order], np.arange(count))
-    between = np.minimum.reduceat(distances[np.ix_(order, order)], starts, axis=0)
+    rows = index[order]
+    between = np.minimum.reduceat(geometry.distances(rows, rows), starts, axis=0)
     between = np.minimum.reduceat(between, starts, axis=1)
     near, found = between[0].copy(), np.zeros(count - 1)
     near[0] = np.inf
@@ -247,27 +248,21 @@ def _farthest(geometry: SkinGeometry, taxels: IntArray) -> float:
 
 
 def _summits(
-    geometry: SkinGeometry,
-    active: np.ndarray,
-    index: IntArray,
-    load: FloatArray,
-    pressures: FloatArray,
+    geometry: SkinGeometry, index: IntArray, load: FloatArray, pressures: FloatArray
 ) -> IntArray:
     """Taxels pressed harder than all their neighbours, and with 40 % of the peak or more."""
-    one, other = geometry.bridged.T
-    both = active[one] & active[other]
-    lower = pressures[one] < pressures[other]
+    beside, own = geometry.beside[index], pressures[index, None]
+    around = np.append(pressures, 0.0)[beside]
     # Of equals, those further down the list give way: a plateau has one summit, not many.
-    lower |= (pressures[one] == pressures[other]) & (one > other)
-    beaten = np.zeros(len(active), bool)
-    beaten[one[both & lower]] = True
-    return index[~beaten[index] & (load >= SUMMIT * load.max())]
+    beaten = (around > own) | ((around == own) & (beside < index[:, None]))
+    return index[~beaten.any(axis=1) & (load >= SUMMIT * load.max())]
 
 
 PAIRED = 128  # taxels at most that distances are taken between
 STEP = 0.71  # between bins, of the root of a distance [mm**0.5]
 PAIRS, REACH, RANKS = 20, 14, 8  # bins: to 182 mm, to 85 mm; loads by rank
 SIZE = 2 * PAIRS + 5 * REACH + RANKS  # numbers of `contact_shape`
+SPAN = np.linspace(0.0, 1.0, RANKS)
 
 
 def contact_shape(geometry: SkinGeometry, pressures: FloatArray) -> FloatArray:
@@ -313,27 +308,37 @@ def distance_shares(
     """The same of taxels (k,) by place (k, 2) [mm], load, skin [mm2], and whether it ends there."""
     # In single precision: last bits of distances differ from processor to processor.
     table = np.column_stack([plane, load, area, border]).astype(np.float32).astype(np.float64)
-    table = table[np.sort(np.argsort(-table[:, 2], kind="stable")[:PAIRED])]
+    if len(table) > PAIRED:
+        table = table[np.sort(np.argsort(-table[:, 2], kind="stable")[:PAIRED])]
     plane, (load, area, border) = table[:, :2], table[:, 2:].T
     even, heavy = area / area.sum(), load * area / (load @ area)
-    apart = np.hypot(*(plane[:, None] - plane).T).ravel()
+    # Each pair once; a taxel with itself at no distance.
+    one, other = _pairs(len(load))
+    pairs = [np.append(2.0 * share[one] * share[other], share @ share) for share in (heavy, even)]
     away = plane - even @ plane
-    radius = np.hypot(*away.T)
-    rank = np.interp(np.linspace(0.0, 1.0, RANKS), np.linspace(0.0, 1.0, len(load)), np.sort(load))
+    radius, (along, across) = np.hypot(*away.T), np.abs(away.T)
+    places = np.array([radius, radius, radius, along, across])
+    weights = np.array([heavy, even, even * border, even, even])
+    rank = np.interp(SPAN, np.arange(len(load)) / max(len(load) - 1, 1), np.sort(load))
     shares = [
-        _shares(apart, np.outer(heavy, heavy).ravel(), PAIRS),
-        _shares(apart, np.outer(even, even).ravel(), PAIRS),
-        *(_shares(radius, one, REACH) for one in (heavy, even, even * border)),
-        *(_shares(np.abs(one), even, REACH) for one in away.T),
+        _shares(np.append(pdist(plane), 0.0)[None], np.array(pairs), PAIRS),
+        _shares(places, weights, REACH),
         rank / load.max(),
     ]
     return np.asarray(np.sqrt(np.concatenate(shares)))
 
 
+@lru_cache(PAIRED)
+def _pairs(count: int) -> tuple[IntArray, IntArray]:
+    """Both of each pair of so many, in the order of `pdist`."""
+    return np.triu_indices(count, 1)
+
+
 def _shares(distances: FloatArray, weights: FloatArray, bins: int) -> FloatArray:
-    """(bins,) weights (m,) by their distances (m,) [mm], each divided between two bins."""
+    """(s bins,) weights (s, m) by distances (1 or s, m) [mm], each divided between two bins."""
     place = np.minimum(np.sqrt(distances) / STEP, bins - 1.001)
     low = place.astype(np.int64)
     upper = (place - low) * weights
-    found = np.bincount(low, weights - upper, minlength=bins)
-    return np.asarray(found + np.bincount(low + 1, upper, minlength=bins))
+    low = (low + bins * np.arange(len(weights))[:, None]).ravel()
+    found = np.bincount(low, (weights - upper).ravel(), minlength=weights.shape[0] * bins)
+    return np.asarray(found + np.bincount(low + 1, upper.ravel(), minlength=len(found)))

@@ -119,11 +119,11 @@ def group_touches(
     if not found:
         return ()
     last = np.inf if ended else len(samples) - 1.5
-    least = np.full(len(geometry), ACTIVE) if levels is None else levels
+    least = np.full(len(geometry), float(ACTIVE)) if levels is None else levels
     found = _without_background(found, rule, last, least)
     group = _grips(geometry, found, rule, last, least, known)
     masks = []
-    for number in np.unique(group):
+    for number in range(int(group.max()) + 1):
         mask = np.zeros(len(geometry), bool)
         for contact, own in zip(found, group, strict=True):
             if own == number:

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import BoolArray, FloatArray
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import cross, unit
 from skinmap.touch.contacts.skin_geometry import ACTIVE, SkinGeometry
@@ -112,7 +112,7 @@ def motion_features(geometry: SkinGeometry, samples: NDArray[np.uint8], rate: fl
         Samples a second.
     """
     found = np.zeros(len(MOTION_FEATURES))
-    columns = np.flatnonzero((samples > ACTIVE).any(axis=0))
+    columns = np.flatnonzero(samples.max(axis=0, initial=0) > ACTIVE)
     if len(columns) == 0:
         return found
     weight = np.maximum(samples[:, columns] - np.float32(FAINT), 0.0).astype(np.float64)
@@ -155,11 +155,11 @@ def _way(
     if len(rows) >= 5:  # three samples at once: their noise is no way
         centres = (centres[:-2] + centres[1:-1] + centres[2:]) / 3.0
         facing, rows = facing[1:-1], rows[1:-1]
-    kept = [0]
-    for k in range(1, len(rows)):
-        step = centres[k] - centres[kept[-1]]
-        if step @ step >= STEP * STEP:
+    kept, (x, y, z) = [0], centres[0].tolist()
+    for k, (u, v, w) in enumerate(centres.tolist()):
+        if (u - x) ** 2 + (v - y) ** 2 + (w - z) ** 2 >= STEP * STEP:
             kept.append(k)
+            x, y, z = u, v, w
     if len(kept) < 2:
         return np.zeros(7)
     plane = develop(centres[kept], facing[kept])
@@ -232,19 +232,23 @@ def _shape(
     areas = geometry.areas[columns]
     rows = np.concatenate([np.arange(*spell) for spell in spells])
     rows = rows[load[rows] >= 0.5 * load.max()]
-    some = rows[np.linspace(0, len(rows) - 1, min(SHAPES, len(rows))).astype(np.int64)]
+    some = rows
+    if len(rows) > SHAPES:
+        some = rows[np.linspace(0, len(rows) - 1, SHAPES).astype(np.int64)]
     share = weight[some] / load[some, None]
     active = weight[some] > 0
     now = middle(active @ areas)
     spread = _spread(share, points)
-    size, axis = _axes(spread)
+    # Length and width, 4 standard deviations.
+    size = 4.0 * np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[:, :0:-1], 0.0))
     facing = share @ normals
     ahead, abreast = _across_way(spread, share @ points, facing)
     pooled = weight[rows].sum(axis=0)
     strongest = normals[int(np.argmax(pooled))]
     opposed = float(pooled[normals @ strongest < OPPOSED].sum() / pooled.sum())
-    inside = (some >= longest[0]) & (some < longest[1])
-    turn = _turned(size[inside], axis[inside], facing[inside])
+    clear = size[:, 0] > LONG * np.maximum(size[:, 1], 1e-9)
+    clear &= (some >= longest[0]) & (some < longest[1])
+    turn = _turned(spread, facing, clear) if clear.sum() >= 3 else 0.0
     swept = float(areas[(weight[rows] > 0).sum(axis=0) >= 2].sum())
     held = load[slice(*longest)]
     inner = held[len(held) // 5 : len(held) - len(held) // 5]
@@ -275,16 +279,14 @@ def _spread(share: FloatArray, points: FloatArray) -> FloatArray:
     return np.asarray(spread)
 
 
-def _axes(spread: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Length and width (k, 2), 4 standard deviations, and the long axis (k, 3).
+def _axes(spread: FloatArray, rows: IntArray) -> FloatArray:
+    """(r, 3) the long axis in some rows (r,) of covariances (k, 3, 3).
 
-    The axis is that of some samples together: in a single one of a round contact noise turns it.
+    That of some samples together: in a single one of a round contact noise turns it.
     """
-    size = 4.0 * np.sqrt(np.maximum(np.linalg.eigvalsh(spread)[:, :0:-1], 0.0))
-    rows = np.arange(len(spread))
-    first, last = np.maximum(rows - TOGETHER, 0), np.minimum(rows + TOGETHER + 1, len(rows))
+    first, last = np.maximum(rows - TOGETHER, 0), np.minimum(rows + TOGETHER + 1, len(spread))
     sums = np.concatenate([np.zeros((1, 3, 3)), spread.cumsum(axis=0)])
-    return size, np.linalg.eigh(sums[last] - sums[first])[1][:, :, 2]
+    return np.linalg.eigh(sums[last] - sums[first])[1][:, :, 2]
 
 
 def _across_way(spread: FloatArray, centres: FloatArray, facing: FloatArray) -> tuple[float, float]:
@@ -300,12 +302,9 @@ def _across_way(spread: FloatArray, centres: FloatArray, facing: FloatArray) -> 
     return along, across
 
 
-def _turned(size: FloatArray, axis: FloatArray, facing: FloatArray) -> float:
-    """How far the long axis turned about the normal, from its least to its most [rad]."""
-    clear: BoolArray = size[:, 0] > LONG * np.maximum(size[:, 1], 1e-9)
-    if clear.sum() < 3:
-        return 0.0
-    axis, normal = axis[clear], unit(facing[clear])
+def _turned(spread: FloatArray, facing: FloatArray, clear: BoolArray) -> float:
+    """How far the long axis turned about the normal where it is clear, least to most [rad]."""
+    axis, normal = _axes(spread, np.flatnonzero(clear)), unit(facing[clear])
     axis = unit(axis - np.einsum("ki,ki->k", axis, normal)[:, None] * normal)
     before, after = axis[:-1], axis[1:]
     sine = np.einsum("ki,ki->k", cross(before, after), normal[1:])

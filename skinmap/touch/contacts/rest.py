@@ -8,6 +8,7 @@ skins have spikes, offsets and stuck areas, and none of these is a touch. Each t
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.errors import InvalidArrayError
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 
-LOW = 0.5 * ACTIVE  # beside a taxel that is touched so little suffices [counts]
+LOW = ACTIVE // 2  # beside a taxel that is touched so little suffices [counts]
 BEGINS, GOES_ON = 5.0, 3.0  # standard deviations of the noise above rest: 1 in 3e6, 1 in 700
 NOISY = 4.0 * ACTIVE  # a taxel that must read more to be believed is reported [counts]
 ENOUGH = 12  # quiet samples that a rest can be learnt from
@@ -59,9 +60,11 @@ class Rest:
         return np.asarray((self.begins > NOISY) & ~self.stuck)
 
 
+@cache
 def usual_rest(count: int) -> Rest:
     """Levels of taxels of which nothing is known: those of a skin with little noise."""
-    return Rest(np.zeros(count), np.full(count, ACTIVE), np.full(count, LOW), np.zeros(count, bool))
+    begins, goes_on = np.full((2, count), [[ACTIVE], [LOW]], np.float64)
+    return Rest(np.zeros(count), begins, goes_on, np.zeros(count, bool))
 
 
 def find_rest(samples: ArrayLike, *, quiet: ArrayLike | None = None) -> Rest:
@@ -137,23 +140,26 @@ def felt(samples: NDArray[Any], rest: Rest, beside: IntArray) -> NDArray[Any]:
         Taxels beside each, padded with n (`SkinGeometry.beside`). A taxel that has nobody beside
         it is believed alone.
     """
-    some = samples > rest.goes_on
-    some &= ~rest.stuck
     found = np.zeros_like(samples)
-    columns = np.flatnonzero(some.any(axis=0))
+    high = samples.max(axis=0, initial=0) > rest.goes_on
+    columns = np.flatnonzero(high & ~rest.stuck)
     if len(columns) == 0:
         return found
-    around = beside[columns]
-    alone = (around == len(rest)).all(axis=1)
-    begun = some[:, columns] & (samples[:, columns] > rest.begins[columns])
-    begun &= _any_beside(some[:, columns], columns, around, len(rest)) | alone
-    kept = begun | (some[:, columns] & _any_beside(begun, columns, around, len(rest)))
-    found[:, columns] = np.where(kept, samples[:, columns], 0)
+    own = samples[:, columns]
+    place = np.full(len(rest) + 1, len(columns))
+    place[columns] = np.arange(len(columns))
+    around = place[beside[columns]].T
+    alone = (beside[columns] == len(rest)).all(axis=1)
+    some = own > rest.goes_on[columns]
+    begun = some & (own > rest.begins[columns])
+    begun &= _any_beside(some, around) | alone
+    kept = begun | (some & _any_beside(begun, around))
+    found[:, columns] = np.where(kept, own, 0)
     return found
 
 
-def _any_beside(marks: BoolArray, columns: IntArray, around: IntArray, count: int) -> BoolArray:
-    """(k, c) whether any taxel beside each of the columns is among the marks (k, c)."""
-    padded = np.zeros((len(marks), count + 1), bool)
-    padded[:, columns] = marks
-    return np.asarray(padded[:, around].any(axis=2))
+def _any_beside(marks: BoolArray, around: IntArray) -> BoolArray:
+    """(k, c) whether any of the columns beside each one (d, c) is among the marks (k, c)."""
+    padded = np.zeros((len(marks), marks.shape[1] + 1), bool)
+    padded[:, :-1] = marks
+    return np.asarray(padded[:, around].any(axis=1))

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from skinmap.live.response.loads import ContactForce
     from skinmap.touch.load_calibration import LoadCalibration
 
-ACTIVE = 12.0  # counts of 255: ten times the noise at rest
+ACTIVE = 12  # counts of 255: ten times the noise at rest; whole, as bytes are compared with it
 POOL_SHARE = 0.5  # samples with at least this share of an event's largest load speak for it
 BRIDGE = 24e-3  # a contact goes on across a gap between patches of at most this width [m]
 # A sensor feels beyond what covers it. Of a taxel that reads at least half as much as the strongest
@@ -86,7 +86,7 @@ class SkinGeometry:
             return path_distances(self.graph, rows)[:, columns]
         if not self._table:
             self._table.append(path_distances(self.graph).astype(np.float32))
-        return self._table[0][rows[:, None], columns].astype(np.float64)
+        return self._table[0].take(rows, axis=0).take(columns, axis=1).astype(np.float64)
 
 
 def measure_skin(mesh: SurfaceMesh) -> SkinGeometry:
@@ -222,8 +222,11 @@ def pressed(samples: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 def pool_event(samples: NDArray[np.uint8]) -> FloatArray:
     """One pressure (n,) per taxel for the samples (k, n) of an event: the mean while pressed."""
-    held = pressed(samples)
-    return held.mean(axis=0) if len(held) else np.zeros(samples.shape[1])
+    found, columns = np.zeros(samples.shape[1]), np.flatnonzero(samples.max(axis=0, initial=0))
+    held = pressed(samples[:, columns])
+    if len(held):
+        found[columns] = held.mean(axis=0)
+    return found
 
 
 def check_pressures(pressures: ArrayLike, geometry: SkinGeometry) -> NDArray[Any]:
