@@ -14,20 +14,27 @@ from vtkmodules.vtkCommonDataModel import vtkCellArray
 
 def make_mesh(points: ArrayLike, faces: NDArray[Any]) -> pv.PolyData:
     """A mesh of points (n, 3) [m] and polygons (m, k) of equal size k, stored in single floats."""
-    build: Any = pv.PolyData.from_regular_faces
-    mesh: pv.PolyData = build(np.asarray(points, np.float32), faces)
+    mesh, cells = _placed(points, faces)
+    mesh.SetPolys(cells)
     return mesh
 
 
 def make_lines(points: ArrayLike, pairs: NDArray[Any]) -> pv.PolyData:
     """Segments between pairs (k, 2) of points (n, 3) [m]."""
+    mesh, cells = _placed(points, pairs)
+    mesh.SetLines(cells)
+    return mesh
+
+
+def _placed(points: ArrayLike, corners: NDArray[Any]) -> tuple[pv.PolyData, vtkCellArray]:
+    """A mesh with points (n, 3) alone, and cells of corners (m, k) that it is to have."""
     # VTK's own ways: PyVista's checks take longer than all the rest.
     mesh, places, cells = pv.PolyData(), vtkPoints(), vtkCellArray()
     places.SetData(numpy_to_vtk(np.asarray(points, np.float32), deep=True))
-    cells.SetData(2, numpy_to_vtkIdTypeArray(np.asarray(pairs, np.int64).ravel(), deep=True))
+    ids = numpy_to_vtkIdTypeArray(np.asarray(corners, np.int64).ravel(), deep=True)
+    cells.SetData(corners.shape[1], ids)
     mesh.SetPoints(places)
-    mesh.SetLines(cells)
-    return mesh
+    return mesh, cells
 
 
 def add_actor(

@@ -122,6 +122,8 @@ class TouchMarks:
         """
         tone = pale if faded else str
         self.outlines.show([(part, tone(colour)) for part, colour in lines])
+        if not (solids or self.solids.GetNumberOfCells()):
+            return
         starts = np.cumsum([0, *[len(points) for points, _, _ in solids]])
         faces = [faces + start for (_, faces, _), start in zip(solids, starts, strict=False)]
         mesh = make_mesh(
@@ -454,6 +456,8 @@ class OutlineLayer:
 
     def show(self, lines: Sequence[tuple[FloatArray, str]]) -> None:
         """Draw segments (k, 2, 3) [m], each some in their colour; replaces what was there."""
+        if not (lines or self.lines.GetNumberOfCells()):
+            return
         ends = np.concatenate([np.zeros((0, 2, 3)), *(part for part, _ in lines)])
         mesh = make_lines(ends.reshape(-1, 3), np.arange(2 * len(ends)).reshape(-1, 2))
         tints = repeated([colour for _, colour in lines], [len(part) for part, _ in lines])
