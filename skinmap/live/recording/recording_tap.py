@@ -13,7 +13,7 @@ import numpy as np
 
 from skinmap.errors import InvalidArrayError, OutputError, SkinWarning, UnknownNameError
 from skinmap.live.recording.recorder import Recorder, continued
-from skinmap.live.response.sample_checks import fall_of
+from skinmap.live.response.sample_checks import fall_of, odd_times
 from skinmap.live.sources.open_source import open_source, resolve_robot
 from skinmap.live.sources.source import (
     Block,
@@ -100,6 +100,10 @@ class RecordingTap(Relay):
         self._last = float(block.times[-1])
         if block.times[-1] >= self._end - HAIR:
             self._ended = True
+            times = np.concatenate([*(one.times for one in self.kept), block.times])
+            step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+            if said := odd_times(step, self.info):
+                warnings.warn(said, SkinWarning, stacklevel=2)
             rows = block.times < self._end - HAIR
             if not rows.any():
                 raise SourceEnded
