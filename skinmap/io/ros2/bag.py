@@ -297,7 +297,20 @@ def _stacked(one: _Topic, found: _Messages, clock: str, bag: Path) -> PartLog:
             SkinWarning,
             stacklevel=5,
         )
-    return stamps[sound], values[finite], ""
+    stamps, values = stamps[sound], values[finite]
+    if clock == "header" and len(set(found.said)) > 1:
+        # Where others of one stamp differ, the clock is a coarse one and each is a sample; a log's
+        # times are those of arrival.
+        twice = np.append(False, np.diff(stamps) == 0.0)
+        if twice.any() and (values[twice] == values[np.flatnonzero(twice) - 1]).all():
+            warnings.warn(
+                f"{bag.name}: {twice.sum()} of {len(twice)} messages of {part!r} repeat stamp and "
+                "values of the one before and were left out: did two publishers send them?",
+                SkinWarning,
+                stacklevel=5,
+            )
+            stamps, values = stamps[~twice], values[~twice]
+    return stamps, values, ""
 
 
 def _stamps(part: str, found: _Messages, clock: str, bag: Path) -> FloatArray:
