@@ -563,6 +563,15 @@ class HealthWatch:
                 states[(told == STATES[state]) & (states <= NEVER)] = state
         return states
 
+    def join(self, other: HealthWatch) -> None:
+        """Take taxels whose values mean nothing there as such here too: of a difference."""
+        for part in self._states.keys() & other._states.keys():
+            theirs = other._states[part]
+            for own in (self._calibrated[part], self._states[part]):
+                if own.shape == theirs.shape:
+                    np.copyto(own, theirs, where=(theirs > NEVER) & (own <= NEVER))
+        self.version += 1
+
     def states(self, part: str, moment: Moment | None) -> IntArray:
         """(n,) state of each taxel at a moment, as numbers of `STATES`."""
         states = self._states[part].copy()

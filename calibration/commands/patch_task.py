@@ -189,6 +189,14 @@ class SolvedPatch:
         board = self.task.board
         return replace(board, layout=board.layout * [-1.0, 1.0]) if self.task.mirror else board
 
+    def lines(self, result: PatchResult) -> Iterator[str]:
+        """What people read of it."""
+        yield from patch_lines(result)
+        every = MM * np.array([*self.task.sigma, *(touch.sigma for touch in self.task.touches)])
+        low, high = f"{every.min():.3g}", f"{every.max():.3g}"
+        span = low if low == high else f"{low} to {high}"
+        yield f"sigma of measured places: {span} mm ({MM * SIGMA:g} mm where a file has none)"
+
     def write(self, folder: Path) -> list[str]:
         """Write the table; its name."""
         board, found = self.board, self.found

@@ -94,10 +94,10 @@ def wrap(
         return
     if files.anchors is None and files.touches is None:
         raise click.UsageError("give --anchors or --touches, or --window to click anchors")
-    from calibration.commands.patch_task import PatchTask, patch_lines
+    from calibration.commands.patch_task import PatchTask
 
     with progress(1, "calibrate") as advance:
         task = PatchTask.load(files)
         advance("by touches" if task.touches else "by anchors")
         solved = task.solve()
-    output.finish(solved.result, patch_lines, solved.write, solved.page)
+    output.finish(solved.result, solved.lines, solved.write, solved.page)

@@ -105,9 +105,9 @@ def judge(
     places = evidence.blend[agrees] @ board.layout
     share = coverage(board.layout, places)
     needed = TOUCHED if evidence.doubted.any() else COVERAGE
-    stated = covariance
+    stated = _widening(evidence, best.cost) * covariance
     if share < needed:
-        stated = covariance + _astray(board.layout, places)[:, None, None] * np.eye(3)
+        stated = stated + _astray(board.layout, places)[:, None, None] * np.eye(3)
     chord, _, wanted = chords(board, x, normals)
     strain = chord / wanted - 1.0
     expected = np.exp(board.expected + board.fields @ best.state.strain) - 1.0
@@ -246,6 +246,15 @@ def _contradictions(evidence: Evidence, left_out: LeftOut, names: Names) -> Iter
             f"the anchors contradict each other; furthest from where the others predict it: "
             f"channel {words}",
         )
+
+
+def _widening(evidence: Evidence, cost: float) -> float:
+    """How much more anchors miss than their stated errors explain, in variance; at least 1.
+
+    Of touches, whose loss bounds what a wrong one costs, the cost is no such measure.
+    """
+    free = 3 * len(evidence) - PLACED
+    return 1.0 if evidence.doubted.any() or free <= 0 else max(1.0, cost / free)
 
 
 def _costly(evidence: Evidence, cost: float) -> Iterator[Finding]:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain, count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -319,16 +320,14 @@ def write_files(
     for part, one in laid.items():
         advance(part)
         stem = stems[part]
-        save_figure(part_figure(one.flat, metric), stage / f"{stem}.png")
-        # The OBJ of a mesh file that is one must not take its place.
-        mesh = f"{stem}_flat.obj" if Path(part).suffix == ".obj" else f"{stem}.obj"
+        picture, mesh, compared = _files(part, stem)
+        save_figure(part_figure(one.flat, metric), stage / picture)
         write_flat_obj(one.flat, stage / mesh)
-        yield from (f"{stem}.png", mesh)
+        yield from (picture, mesh)
         if one.others or one.drawn:
             maps = [(result.method, one.flat), *one.others.items()]
-            compared = comparison_figure(maps, one.drawn, metric)
-            (stage / f"{stem}_compared.png").write_bytes(compared)
-            yield f"{stem}_compared.png"
+            (stage / compared).write_bytes(comparison_figure(maps, one.drawn, metric))
+            yield compared
 
 
 def report_page(result: FlattenResult, laid: Mapping[str, Laid], stage: Path) -> str:
@@ -370,8 +369,24 @@ def file_stems(parts: Iterable[str]) -> dict[str, str]:
         part: name.removesuffix(Path(part).suffix) if Path(part).suffix in MESH_SUFFIXES else name
         for part, name in whole.items()
     }
-    names = list(short.values())
-    return {part: one if names.count(one) == 1 else whole[part] for part, one in short.items()}
+    names, taken, found = list(short.values()), set[str](), {}
+    for part, one in short.items():
+        numbered = (f"{whole[part]}_{number}" for number in count(2))
+        for stem in chain([one] if names.count(one) == 1 else [], [whole[part]], numbered):
+            # Some file systems do not tell capitals from small letters.
+            own = {name.lower() for name in _files(part, stem)}
+            if not own & taken:
+                break
+        taken |= own
+        found[part] = stem
+    return found
+
+
+def _files(part: str, stem: str) -> tuple[str, str, str]:
+    """Picture, mesh and comparison of a part."""
+    # The OBJ of a mesh file that is one must not take its place.
+    mesh = f"{stem}_flat.obj" if Path(part).suffix == ".obj" else f"{stem}.obj"
+    return f"{stem}.png", mesh, f"{stem}_compared.png"
 
 
 def _lines(result: FlattenResult) -> Iterator[str | Table]:

@@ -165,8 +165,10 @@ def command(
                         shown.add(len(block))
         except Exception:
             for file in recorder.files:
-                if file.exists():
+                if file.exists() and recorder.counts.written:
                     click.echo(f"written until then: {file}", err=True)
+                else:
+                    file.unlink(missing_ok=True)
             raise
     finally:
         shown.end()

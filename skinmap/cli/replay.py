@@ -72,7 +72,8 @@ def command(
     with closing(source), ExitStack() as ended:
         publisher = None
         if publish:
-            publisher = ended.enter_context(open_publisher(publish, source.info, robot=loaded))
+            opened = open_publisher(publish, source.info, robot=loaded, speed=speed)
+            publisher = ended.enter_context(opened)
         began = time.perf_counter()
         sent, _ = stream(source, publisher, seconds)
         took = time.perf_counter() - began

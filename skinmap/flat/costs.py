@@ -223,6 +223,9 @@ def align_similar(points: FloatArray, onto: FloatArray) -> tuple[FloatArray, flo
 
 
 EXACT_BELOW = 600  # vertices: on coarse noisy skins, locally shortest ways are up to 0.0015 off
+# Least height of a triangle as a share of the map's size: over thinner ones exact search may not
+# end, and both ways are wrong by 1 % and more; at five times as much they agree to seven digits.
+THIN = 1e-6
 SOURCES = 6  # exact distances from so many vertices; a patch of the iCub takes 3 to 70 ms
 PAIRS = (64, 1024)  # fewest and most pairs of a larger mesh
 SECONDS_A_VERTEX = 3.5e-7  # of one way between a pair, on meshes of 3,000 to 17,000 vertices
@@ -240,7 +243,7 @@ class Stress:
     Attributes
     ----------
     value : float
-        0 for an isometry; NaN where no pair has a free line.
+        0 for an isometry; NaN where no pair has a free line, or a triangle is a sliver.
     error : float
         Half of the 95 % confidence interval of `value`; 0 where all pairs were taken.
     pairs : int
@@ -298,6 +301,9 @@ def geodesic_stress(
     # The exact search has tolerances of its own: at other sizes than about 1 it may not end.
     size = float(np.ptp(vertices, axis=0).max())
     vertices, uv = (vertices - vertices.mean(axis=0)) / size, (uv - uv.mean(axis=0)) / size
+    longest = np.linalg.norm(vertices[faces] - vertices[np.roll(faces, 1, axis=1)], axis=2).max(1)
+    if (2.0 * face_areas(vertices, faces) < THIN * longest).any():
+        return Stress(float("nan"), float("nan"), 0)
     lines = _Lines(uv, faces)
     if exact or len(vertices) <= EXACT_BELOW:
         ways = _exact_ways(vertices, faces, lines, rng, len(vertices) if exact else SOURCES)

@@ -62,10 +62,11 @@ class PatchRow(Distorted):
     fallback: bool = column("Whether that is not the method asked for.")
     reason: str = column("Why `auto` took it; empty for other methods.")
     geodesic_stress: float | None = column(
-        "Error of distances on the map against those along the skin; null above 200,000 vertices."
+        "Error of distances on the map against those along the skin; null above 200,000 vertices "
+        "or with slivers."
     )
     geodesic_stress_error: float | None = column(
-        "Half of its 95 % confidence interval; null above 200,000 vertices.", "±"
+        "Half of its 95 % confidence interval; null above 200,000 vertices or with slivers.", "±"
     )
     seconds: float = column("CPU time of the solve.")
     worst: list[WorstFace] = column("Worst triangles by `metric`, the worst first.")

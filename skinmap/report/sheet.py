@@ -101,7 +101,7 @@ LONE = 4.0  # as pitch of a taxel that has no neighbour [mm]
 class Cutout:
     """A chart as it is drawn: places of taxels and outlines from its lower left corner [mm]."""
 
-    channels: IntArray
+    names: Sequence[str]  # channels, of taxels at one place with commas between
     places: FloatArray
     outlines: Sequence[FloatArray]
     size: tuple[float, float]
@@ -154,12 +154,16 @@ def _cutout(flat: FlatMap, chart: Chart) -> Cutout:
     uv = MM * np.asarray(chart.uv)
     own = np.flatnonzero((MM * flat.uv[chart.taxels] == uv).all(axis=1))
     own = own[np.unique(chart.taxels[own], return_index=True)[1]]  # a taxel on a seam once
+    channels, stands_for = flat.mesh.skin.channels, flat.mesh.representative
     pitch = _pitch(uv[own])
     outlines = [_outline(uv[rows], 0.45 * pitch) for rows in _boards(flat, chart, own)]
     low = np.min([line.min(axis=0) for line in outlines], axis=0)
     high = np.max([line.max(axis=0) for line in outlines], axis=0)
     return Cutout(
-        channels=flat.mesh.skin.channels[chart.taxels[own]],
+        names=[
+            ", ".join(map(str, channels[stands_for == taxel].tolist()))
+            for taxel in chart.taxels[own]
+        ],
         places=uv[own] - low,
         outlines=[line - low for line in outlines],
         size=(float(high[0] - low[0]), float(high[1] - low[1])),
@@ -209,7 +213,7 @@ def _upright(one: Cutout, width: float, height: float) -> Cutout:
         return np.column_stack([h - points[:, 1], points[:, 0]])
 
     outlines = [turned(line) for line in one.outlines]
-    return Cutout(one.channels, turned(one.places), outlines, (h, w), one.pitch)
+    return Cutout(one.names, turned(one.places), outlines, (h, w), one.pitch)
 
 
 def _part_pages(cutouts: Sequence[Cutout], width: float, height: float) -> Iterator[list[Shape]]:
@@ -266,14 +270,14 @@ def _drawn(one: Cutout, shift: tuple[float, float], tile: BaseGeometry) -> list[
         for points, closed in _clipped(line, tile)
     ]
     x, y = one.places.T
-    inside = (x > x0) & (x <= x1) & (y > y0) & (y <= y1)
+    inside = np.flatnonzero((x > x0) & (x <= x1) & (y > y0) & (y <= y1))
     radius = min(max(0.12 * one.pitch, 0.25), 1.0)
     size = min(max(0.3 * one.pitch, 0.7), 2.6)
     at = _on_page(one.places[inside], shift)
-    for channel, (u, v) in zip(one.channels[inside].tolist(), at.tolist(), strict=True):
+    for taxel, (u, v) in zip(inside.tolist(), at.tolist(), strict=True):
         shapes.append(Mark(u, v, radius, layer="taxels"))
         below = v + radius + 0.85 * size
-        shapes.append(Words(u, below, str(channel), size, "middle", layer="channels"))
+        shapes.append(Words(u, below, one.names[taxel], size, "middle", layer="channels"))
     return shapes
 
 

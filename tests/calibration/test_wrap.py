@@ -168,6 +168,16 @@ def test_stated_errors_are_those_made(bent):
     assert 0.5 < np.mean(ratios) < 2.0
 
 
+def test_anchors_twice_as_rough_as_stated_widen_what_is_predicted(bent):
+    squares = []
+    for seed in range(8):
+        taxels, points = bent.anchors(2e-3, np.random.default_rng(seed))
+        found = wrap(bent, taxels, points, sigma=1e-3)
+        error = ((found.positions - bent.places) ** 2).sum(axis=1).mean()
+        squares.append(error / (found.predicted_sd**2).mean())
+    assert np.mean(squares) < 1.0
+
+
 def test_anchors_in_one_corner_are_not_enough(bent, rng):
     found = wrap(bent, *bent.anchors(1e-3, rng, [0, 1, 8, 9]), sigma=1e-3)
     assert found.status is not Status.OK

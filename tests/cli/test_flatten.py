@@ -322,6 +322,17 @@ def test_several_meshes_are_laid_flat_in_one_go(tmp_path, square_grid):
     assert "several mesh files, several CySkin files, or one robot" in mixed.stderr
 
 
+@pytest.mark.parametrize("names", [("x y.obj", "x_y.obj"), ("a.obj", "a_flat.stl")])
+def test_no_mesh_takes_the_files_of_another(tmp_path, square_grid, names):
+    import trimesh
+
+    for name, n in zip(names, (5, 7), strict=True):
+        trimesh.Trimesh(*square_grid(n), process=False).export(tmp_path / name)
+    result = run(*(tmp_path / name for name in names), "--out", tmp_path / "out")
+    assert len(set(result["files"])) == len(result["files"]) == 5
+    assert {path.name for path in (tmp_path / "out").iterdir()} == set(result["files"])
+
+
 def refusal(*words: object) -> str:
     """What the command says to input that it cannot take."""
     result = CliRunner().invoke(cli, ["flatten", *map(str, words)])

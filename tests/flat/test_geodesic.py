@@ -106,3 +106,9 @@ def test_pairs_on_a_large_mesh_agree_with_exact_distances_on_a_coarser_one():
     coarse, fine = stresses[22], stresses[44]
     assert fine.pairs <= costs.PAIRS[1] < coarse.pairs
     assert abs(coarse.value - fine.value) <= coarse.error + fine.error
+
+
+def test_a_mesh_with_slivers_has_no_stress_instead_of_a_search_without_end(square_grid):
+    vertices, faces = square_grid(9)
+    vertices[vertices[:, 0] == 0.5, 0] = 0.375 + 1e-7  # a column of triangles
+    assert np.isnan(geodesic_stress(vertices, faces, vertices[:, :2]))

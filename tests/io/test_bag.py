@@ -186,6 +186,15 @@ def test_samples_that_share_a_stamp_all_come_back(tmp_path):
     np.testing.assert_array_equal(track.values[:], COUNTED)
 
 
+def test_messages_that_came_twice_are_one_sample(tmp_path):
+    twice = np.repeat(np.arange(200), 2)
+    bag = clouds(tmp_path / "b", 7.0 + SECONDS[twice], 100.0 + SECONDS[twice], COUNTED[twice])
+    with pytest.warns(SkinWarning, match="200 of 400 messages of 'palm' repeat stamp and values"):
+        track = open_track(bag)
+    np.testing.assert_array_equal(track.values[:], COUNTED)
+    assert track.info.rate == pytest.approx(50.0)
+
+
 def test_a_clock_that_begins_anew_is_refused_and_a_late_message_put_in_order(tmp_path):
     anew = np.where(SECONDS < 2, SECONDS, SECONDS - 1.99)
     with pytest.raises(DataFormatError, match=r"clock of .palm. began anew: sample 100 is 1\.97"):

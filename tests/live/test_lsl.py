@@ -82,6 +82,25 @@ def test_samples_arrive_whole_in_order_and_in_our_clock(name):
         source.close()
 
 
+@pytest.mark.parametrize("speed", [4.0, 0.5])
+def test_a_played_recording_keeps_its_speed_in_even_times_that_never_run_back(lsl, name, speed):
+    with open_publisher(f"lsl:{name}", INFO, speed=speed) as publisher:
+        source = open_source(f"lsl:{name}")
+        assert source.info.rate == 50.0 * speed
+        assert publisher.wait_for_followers(DEADLINE)
+        due = iter(lsl.local_clock() + 0.5 / speed * np.arange(4))
+        publisher._times._clock = lambda: next(due)
+        for first in (0, 25, 50, 0):  # the last one starts again
+            rows = np.arange(first, first + 25)
+            publisher.send_samples("raw", rows / 50, np.ones((25, 5)))
+        times, _ = collect(source, 100)
+        assert len(times) == 100
+        np.testing.assert_allclose(np.diff(times), 0.02 / speed, rtol=0, atol=1e-3)
+        counts = source.counts
+        assert (counts.repeated, counts.late, counts.restarts) == (0, 0, 0)
+        source.close()
+
+
 def test_stream_gives_the_parts_asked_for(name):
     with open_publisher(f"lsl:{name}", INFO) as publisher:
         source = open_source(f"lsl:{name}", parts=["hand"])

@@ -16,9 +16,10 @@ from mcap.reader import make_reader
 
 import skinmap
 from benchmarks.live import recordings
-from skinmap.errors import OutputError, SkinMismatchError, SkinWarning
+from skinmap.errors import InvalidArrayError, OutputError, SkinMismatchError, SkinWarning
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.mcap.writing import McapRecording, McapWriter
+from skinmap.io.recordings.recorded_stream import nanoseconds_of
 from skinmap.live.recording import recorder as module
 from skinmap.live.recording import recorder as tap_module
 from skinmap.live.recording.recorder import Recorder, RecordingTap
@@ -433,6 +434,20 @@ class Planned(Source):
 
     def close(self) -> None:
         pass
+
+
+def test_times_in_milliseconds_end_a_recording_with_a_word(tmp_path):
+    source = Planned(Block(np.array([5000.0]), np.zeros((1, N)), 0.0),
+                     Block(np.array([5020.0]), np.zeros((1, N)), 0.02))  # fmt: skip
+    with pytest.warns(SkinWarning, match="look like milliseconds"):
+        tapped(tmp_path, source, seconds=6.0)
+
+
+def test_a_time_beyond_all_years_names_the_unit_that_it_may_be_in():
+    with pytest.raises(InvalidArrayError, match="are these milliseconds"):
+        nanoseconds_of(1.7e12)
+    with pytest.raises(InvalidArrayError, match="are these nanoseconds"):
+        nanoseconds_of(1.7e18)
 
 
 def tapped(tmp_path, source: Source, seconds: float) -> tuple[RecordingTap, Recorder, list[Block]]:

@@ -17,6 +17,8 @@ from scipy.spatial import cKDTree
 import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
+from skinmap.report.sheet import sheets
+from skinmap.skin.skin import Skin
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -76,6 +78,17 @@ def test_sheet_has_each_channel_once_beside_its_own_mark(forearm):
     assert len(circles) == len(channels)
     nearest = cKDTree(circles).query(np.array(list(texts.values())))[1]
     assert len(set(nearest.tolist())) == len(circles)
+
+
+def test_taxels_at_one_place_share_its_mark_with_both_channels(square_grid):
+    places, _ = square_grid(5)
+    places, n = np.vstack([places, places[6]]), 26
+    up, same = np.tile([0.0, 0.0, 1.0], (n, 1)), np.zeros(n, np.int64)
+    skin = Skin("pad", "pad", np.arange(n), same, 0.1 * places, up)
+    flat = skinmap.flatten(skinmap.build_surface(skin))
+    (drawing,) = sheets("pad", {"pad": flat})
+    named = [one.text for one in drawing.shapes if getattr(one, "layer", "") == "channels"]
+    assert sorted(named) == sorted(["6, 25", *(str(k) for k in range(25) if k != 6)])
 
 
 def test_sheet_svg_is_as_large_as_its_unit_promises(forearm):

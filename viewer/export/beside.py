@@ -95,7 +95,7 @@ def write_beside(
             found = _measured(values, list(starmap(changed_touch, pairs)), least_of(left.layer))
             shown = [one for one in starmap(moved_touch, pairs) if one.part in common]
             moved = second and dataclasses.replace(second, touches=tuple(shown))
-            pictures.append(_difference_picture(session, look, values, left, moved))
+            pictures.append(_difference_picture(session, look, values, scenes, moved))
             lines = ([note, ""] if note else []) + _lines(found, left.layer)
         _compose(path, pictures, lines)
     finally:
@@ -203,10 +203,11 @@ def _difference_picture(
     session: Session,
     look: Look,
     values: Mapping[str, FloatArray],
-    left: Scene,
+    sides: Sequence[Scene],
     moment: Moment | None,
 ) -> NDArray[np.uint8]:
     """The difference on the body of the left one, seen as that is, with the touches of both."""
+    left = sides[0]
     largest = max(
         (float(np.nanmax(np.abs(one), initial=0.0)) for one in values.values()), default=0
     )
@@ -222,6 +223,8 @@ def _difference_picture(
         "difference", f"difference of {left.layer.title}", unit, (-top, top),
         ramp(DIFFERENCE_STOPS), source, missing="nothing in common",
     )  # fmt: skip
+    for side in sides:
+        scene.data.watch.join(side.data.watch)
     if moment is not None:
         scene.show_moment(moment)
     scene.set_title(f"difference: {ORDER}")

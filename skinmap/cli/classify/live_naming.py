@@ -292,7 +292,8 @@ def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:
     found: list[Any] = []
     try:
         for spec in specs:
-            found.append(open_publisher(spec, loop.dense_info(), robot=loop.robot))
+            info, speed = loop.dense_info(), loop.source.speed
+            found.append(open_publisher(spec, info, robot=loop.robot, speed=speed))
             loop.subscribe(found[-1].send)
     except BaseException:
         for publisher in found:

@@ -446,6 +446,9 @@ def seconds_of(nanoseconds: NDArray[np.uint64]) -> FloatArray:
     return np.where(nanoseconds < 2**53, nanoseconds / NS, whole + rest / NS)
 
 
+SMALLER = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
+
+
 def nanoseconds_of(seconds: float) -> int:
     """Seconds as whole nanoseconds; never negative, as MCAP knows none.
 
@@ -455,7 +458,11 @@ def nanoseconds_of(seconds: float) -> int:
         Before zero, not finite, or after the year 2500.
     """
     if not 0.0 <= seconds < 2**34:
-        raise InvalidArrayError(f"a sample's time must lie in 0..{2**34} seconds, got {seconds}")
+        fits = [unit for unit, scale in SMALLER.items() if 0.0 <= seconds / scale < 2**34]
+        hint = f": are these {fits[0]}?" if fits else ""
+        raise InvalidArrayError(
+            f"a sample's time must lie in 0..{2**34} seconds, got {seconds}{hint}"
+        )
     whole = int(seconds)
     return whole * NS + round((seconds - whole) * NS)
 

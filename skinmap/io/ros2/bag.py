@@ -287,7 +287,19 @@ def _stacked(one: _Topic, found: list[_Message], clock: str, bag: Path) -> PartL
             f"{stamps[first] - stamps[0]:.2f} s from the beginning",
             above=3,
         )
-    return stamps[sound], values[finite], ""
+    stamps, values = stamps[sound], values[finite]
+    if clock == "header" and len(set(said)) > 1:
+        # Where others of one stamp differ, the clock is a coarse one and each is a sample; a log's
+        # times are those of arrival.
+        twice = np.append(False, np.diff(stamps) == 0.0)
+        if twice.any() and (values[twice] == values[np.flatnonzero(twice) - 1]).all():
+            warn(
+                f"{bag.name}: {twice.sum()} of {len(twice)} messages of {part!r} repeat stamp and "
+                "values of the one before and were left out: did two publishers send them?",
+                above=3,
+            )
+            stamps, values = stamps[~twice], values[~twice]
+    return stamps, values, ""
 
 
 def _stamps(part: str, said: IntArray, log: IntArray, clock: str, bag: Path) -> FloatArray:

@@ -42,7 +42,7 @@ from skinmap.live.network.network_messages import (
     Address,
     warn_if_open,
 )
-from skinmap.live.publishing.publish import Publisher, Topic
+from skinmap.live.publishing.publish import OurTimes, Publisher, Topic, played
 from skinmap.live.sources.source import (
     MAX_BLOCK,
     SILENT,
@@ -418,7 +418,7 @@ def open_lsl(
 
 
 TAKEN = 0.3  # so long a stream of the same name is looked for [s]
-DRIFT = 0.1  # the source's clock may be off by so much before it is set anew [s]
+DRIFT = 0.1  # of the source's clock [s]
 
 
 class LslPublisher(Publisher):
@@ -432,6 +432,8 @@ class LslPublisher(Publisher):
     topics : sequence of str
     robot : Robot, optional
         Not needed.
+    speed : float
+        Of the source: samples are stamped as far apart as they come.
 
     Raises
     ------
@@ -440,12 +442,17 @@ class LslPublisher(Publisher):
     """
 
     def __init__(
-        self, address: str, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None = None
+        self,
+        address: str,
+        info: StreamInfo,
+        topics: Sequence[Topic],
+        robot: Robot | None = None,
+        speed: float = 1.0,
     ) -> None:
-        super().__init__(info, topics)
+        super().__init__(played(info, speed), topics)
         self._scope, self.name = split_scope(address)
         self._lsl = load_lsl(self._scope)
-        self._offset = float("nan")
+        self._times = OurTimes(self._lsl.local_clock, speed, DRIFT)
         self._outlets: dict[Topic, Any] = {}
         for found in self._lsl.resolve_byprop("name", self.name, 1, TAKEN):
             raise OutputError(
@@ -489,25 +496,17 @@ class LslPublisher(Publisher):
     def _send_samples(self, topic: Topic, times: FloatArray, values: NDArray[Any]) -> None:
         if topic not in self._outlets:
             self._outlets[topic] = self._open(topic)
-        stamps = self._stamps(times)
+        stamps = self._times.stamps(topic, times)
         rows = np.ascontiguousarray(values, np.float32)
         self._outlets[topic].push_chunk(rows, stamps.tolist())
 
     def _send_text(self, topic: Topic, time: float, text: str) -> None:
-        stamp = float(self._stamps(np.array([time]))[0])
+        stamp = float(self._times.stamps(topic, np.array([time]))[0])
         self._outlets[topic].push_sample([text], stamp)
 
     def close(self) -> None:
         """Take the streams away; may be called twice."""
         self._outlets.clear()
-
-    def _stamps(self, times: FloatArray) -> FloatArray:
-        """Times in LSL's clock: as evenly spaced as the source's, never far from now."""
-        now = self._lsl.local_clock()
-        off = now - float(times[-1]) - self._offset
-        if not abs(off) < DRIFT:
-            self._offset = now - float(times[-1])
-        return times + self._offset
 
 
 def _ports(xml: str) -> set[int]:

@@ -39,7 +39,7 @@ from skinmap.live.network.network_messages import (
     unpack_info,
     warn_if_open,
 )
-from skinmap.live.publishing.publish import HEARTBEAT, Topic, repeated
+from skinmap.live.publishing.publish import HEARTBEAT, OurTimes, Topic, played, repeated
 from skinmap.live.publishing.ros2_topics import TEXT, Ros2Publisher
 from skinmap.live.sources.source import (
     MAX_BLOCK,
@@ -381,7 +381,7 @@ def open_zenoh(
 
 
 INFO = "/skin/info"
-APART = 2.0  # of ROS time and a sample's shifted one, where its clock was set [s]
+APART = 2.0  # of ROS time and a sample's shifted one [s]
 
 
 class ZenohPublisher(Ros2Publisher):
@@ -395,6 +395,8 @@ class ZenohPublisher(Ros2Publisher):
     info : StreamInfo
     topics : sequence of str
     robot : Robot, optional
+    speed : float
+        Of the source: samples are stamped as far apart as they come.
 
     Raises
     ------
@@ -405,9 +407,14 @@ class ZenohPublisher(Ros2Publisher):
     """
 
     def __init__(
-        self, address: str, info: StreamInfo, topics: Sequence[Topic], robot: Robot | None = None
+        self,
+        address: str,
+        info: StreamInfo,
+        topics: Sequence[Topic],
+        robot: Robot | None = None,
+        speed: float = 1.0,
     ) -> None:
-        super().__init__(info, topics, robot)
+        super().__init__(played(info, speed), topics, robot)
         self._zenoh = import_zenoh()
         where = parse_zenoh(address).address
         warn_if_open(where, "every machine on the network can read the stream at")
@@ -415,12 +422,14 @@ class ZenohPublisher(Ros2Publisher):
         self._number = str(self._session.zid())
         self._sender = secrets.token_bytes(SENDER_BYTES)
         self._sending = threading.RLock()
-        self._shift, self._stamp = float("nan"), 0  # of a sample's time [s], and ROS time [ns]
+        self._times, self._stamp = OurTimes(time.time, speed, APART), 0  # ROS time [ns]
         self._publishers: dict[str, Any] = {}
         self._sequences: dict[str, int] = {}
         self._kept: dict[str, tuple[str, bytes]] = {}  # of latched topics, sent again and again
         self._tokens = [self._session.liveliness().declare_token(node_token(self._number))]
-        self._info_text = text_message(pack_info(info, session=0, heartbeat=HEARTBEAT).decode())
+        self._info_text = text_message(
+            pack_info(self.info, session=0, heartbeat=HEARTBEAT).decode()
+        )
         self._stop_beating = repeated(HEARTBEAT, self._beat)
 
     def _send_samples(self, topic: Topic, times: FloatArray, values: NDArray[Any]) -> None:
@@ -428,11 +437,9 @@ class ZenohPublisher(Ros2Publisher):
         with self._sending:
             try:
                 for now, row in zip(times.tolist(), values, strict=True):
-                    shift = time.time() - now
-                    if not abs(shift - self._shift) < APART:  # the first, or a clock that was set
-                        self._shift = shift
-                    self._stamp = round((now + self._shift) * 1e9)
-                    super()._send_samples(topic, np.array([now]), row[None])
+                    own = np.array([now])
+                    self._stamp = round(float(self._times.stamps(topic, own)[0]) * 1e9)
+                    super()._send_samples(topic, own, row[None])
             finally:
                 self._stamp = 0
 

@@ -7,6 +7,7 @@ import threading
 import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, Literal, Self
 
 import numpy as np
@@ -45,6 +46,7 @@ def open_publisher(
     *,
     topics: Sequence[Topic] | None = None,
     robot: Robot | None = None,
+    speed: float = 1.0,
 ) -> Publisher:
     """Open a stream that others can follow.
 
@@ -62,6 +64,8 @@ def open_publisher(
         labels.
     robot : Robot, optional
         What Foxglove and ROS 2 draw.
+    speed : float
+        Of the source, as a multiple of its clock: LSL and Zenoh send times of this machine.
 
     Returns
     -------
@@ -93,7 +97,10 @@ def open_publisher(
     if way not in names:
         said = {one.partition(":")[0].partition("[")[0] for one in WAYS}
         raise UnknownNameError("way to publish", way, (*WAYS, *(n for n in names if n not in said)))
-    return publishers.get(way)(address, info, wanted, robot)
+    publisher = publishers.get(way)
+    # Ways that keep the source's own times know of no speed.
+    own = {"speed": speed} if speed != 1.0 and way in ("lsl", "zenoh") else {}
+    return publisher(address, info, wanted, robot, **own)
 
 
 def stream(
@@ -133,6 +140,45 @@ def _samples_of(moment: Moment) -> tuple[FloatArray, dict[str, Any], dict[str, A
                 else row[None].repeat(len(times), axis=0) for part, row in own.items()}  # fmt: skip
 
     return times, rows(moment.pressures, before), rows(moment.raw, raw_before)
+
+
+STEP = 1e-6  # least between two samples of a topic, which a follower would drop as repeated [s]
+
+
+class OurTimes:
+    """A source's times in a clock of this machine: evenly spaced as they are, never backwards.
+
+    Parameters
+    ----------
+    clock : callable
+        The time now [s].
+    speed : float
+        Of the source, as a multiple of its clock.
+    drift : float
+        The source's clock may be off by so much before it is set anew [s].
+    """
+
+    def __init__(self, clock: Callable[[], float], speed: float, drift: float) -> None:
+        self._clock, self._speed, self._drift = clock, speed, drift
+        self._offset = float("nan")
+        self._last: dict[str, float] = {}
+
+    def stamps(self, topic: str, times: FloatArray) -> FloatArray:
+        """Times (k,) of samples of a topic in our clock [s]."""
+        own = times / self._speed
+        now = self._clock()
+        if not abs(now - float(own[-1]) - self._offset) < self._drift:
+            self._offset = now - float(own[-1])
+        steps = STEP * np.arange(1, len(own) + 1)
+        after = np.maximum(own + self._offset - steps, self._last.get(topic, -np.inf))
+        found: FloatArray = np.maximum.accumulate(after) + steps
+        self._last[topic] = float(found[-1])
+        return found
+
+
+def played(info: StreamInfo, speed: float) -> StreamInfo:
+    """A stream whose samples come so many times faster; without a rate where all come at once."""
+    return replace(info, rate=info.rate * speed if speed < np.inf else 0.0)
 
 
 class Publisher(ABC):

@@ -31,7 +31,7 @@ from skinmap.io.mcap.reading import Index, read_head
 from skinmap.io.mcap.writing import CHUNK_SECONDS, McapRecording, said_of
 from skinmap.io.ros2.messages import TouchMarker
 from skinmap.live.bounded_queue import BoundedQueue, QueueEnded
-from skinmap.live.response.sample_checks import fall_of
+from skinmap.live.response.sample_checks import fall_of, odd_times
 from skinmap.live.sources.open_source import open_source, resolve_robot
 from skinmap.live.sources.source import (
     Block,
@@ -428,6 +428,10 @@ class RecordingTap(Relay):
         self._last = float(block.times[-1])
         if block.times[-1] >= self._end - HAIR:
             self._ended = True
+            times = np.concatenate([*(one.times for one in self.kept), block.times])
+            step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
+            if said := odd_times(step, self.info):
+                warn(said)
             rows = block.times < self._end - HAIR
             if not rows.any():
                 raise SourceEnded

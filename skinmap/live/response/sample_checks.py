@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import warn
+from skinmap.io.recordings.recorded_stream import SMALLER
 from skinmap.live.sources.source import Block, Counts, StreamInfo
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 
@@ -26,13 +27,21 @@ PEAK = 40.0  # times the mean: so far noise at rest does not reach, touches do
 SEVERAL = 3  # channels that fall or rise: one alone drifts
 SHARE = 0.05  # the least slow mean of a touched channel, as a share of full scale
 STEPS = 3  # of a clock that are logged
-SMALLER = {"milliseconds": 1e3, "microseconds": 1e6, "nanoseconds": 1e9}
 logger = logging.getLogger(__name__)
 
 
 def fall_of(rate: float) -> float:
     """By how much a clock of samples of a rate [Hz] falls where it begins anew [s]."""
     return max(LATE, ORDER / rate if rate > 0 else 0.0)
+
+
+def odd_times(step: float, info: StreamInfo) -> str:
+    """That samples lie as far apart [s] as if times were in smaller units; else empty."""
+    steps = step * info.rate
+    for unit, scale in SMALLER.items():
+        if 0.8 < steps / scale < 1.25:
+            return f"the times of {info.name!r} look like {unit}: they are seconds"
+    return ""
 
 
 def check_range(values: NDArray[Any], info: StreamInfo) -> bool:
@@ -136,12 +145,11 @@ class SampleChecks:
 
     def _check_times(self, step: float) -> None:
         """Warn once of samples that lie as far apart as if times were in smaller units."""
-        steps = step * self._info.rate
-        fits = [unit for unit, scale in SMALLER.items() if 0.8 < steps / scale < 1.25]
-        self._odd = self._odd + 1 if fits else 0  # a pause may be so long once
+        found = odd_times(step, self._info)
+        self._odd = self._odd + 1 if found else 0  # a pause may be so long once
         if self._odd >= STEPS and not self._timed:
             self._timed = True
-            warn(f"the times of {self._info.name!r} look like {fits[0]}: they are seconds", above=2)
+            warn(found, above=2)
 
     def _verdict(self, time: float, jumps: bool) -> str:
         """What becomes of a sample of this time: "use", "drop", or "anew": first of a new run.

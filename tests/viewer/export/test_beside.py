@@ -14,6 +14,8 @@ import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError, SkinWarning
 from skinmap.live.contacts.named_touch import NamedTouch
+from viewer.drawing.frame import canvas
+from viewer.drawing.skin.skin_view import signs_of
 from viewer.export.beside import changed_touch
 from viewer.layers import moved_touch, paired_touches
 
@@ -61,6 +63,23 @@ def test_a_recording_beside_itself_does_not_differ(opengl, pair, tmp_path):
     picture = np.array(Image.open(out))
     # Below the headings, which name the two.
     np.testing.assert_array_equal(picture[80:800, :1100], picture[80:800, 1100:])
+
+
+def test_the_difference_calls_stuck_taxels_of_either_side_stuck(
+    opengl, pair, tmp_path, monkeypatch
+):
+    signs = []
+
+    def noted(*words):
+        signs.append(signs_of(*words))
+        return signs[-1]
+
+    monkeypatch.setattr(canvas, "signs_of", noted)
+    one, other = pair  # taxels of the other one hang
+    for left, right in ((one, other), (other, one)):
+        view(left, "--beside", right, "--part", "torso", "--at", "2", "--screenshot",
+             tmp_path / "d.png")  # fmt: skip
+        assert set(signs[-1][1]) == {"stuck"}
 
 
 def test_two_skins_are_both_drawn_without_a_difference(opengl, pair, tmp_path):
