@@ -277,18 +277,28 @@ class Classifier(Summary):
             if isinstance(inner.estimator, IntersectionSVC):
                 inner.estimator.function_.compile()
 
-    def difference(self, skin: Skin) -> SkinDifference:
-        """How a skin differs from those trained on, and whether touches can be named there."""
+    def difference(self, skin: Skin, people: Sequence[str] = ("",)) -> SkinDifference:
+        """How a skin differs from those trained on, and whether touches can be named there.
+
+        Sets that hold all names are told of, for touches by these people.
+        """
         one_skin = bool(getattr(self.descriptor, "one_skin", False))
         found = compare_skin(self.trained_on, skin, one_skin=one_skin)
         if self.sets is None or self.coverage is None:
             return found
-        if np.isfinite(self.sets.threshold(self.coverage, fingerprint(skin))):
+        now, much = fingerprint(skin), f"sets of names on {skin.part!r} hold all names"
+        wide = [one for one in people if np.isinf(self.sets.threshold(self.coverage, now, one))]
+        if not wide:
             return found
-        much = (
-            f"sets of names on {skin.part!r} hold all names: too few parts or touches were held "
-            f"out in training to promise {self.coverage:g} there"
-        )
+        new = [one for one in wide if one not in self.sets.people]
+        if new and np.isfinite(self.sets.threshold(self.coverage, now)):
+            were = f"{' and '.join(new)} {'was' if len(new) == 1 else 'were'} not in training"
+            much = f"{much} by {' and '.join(new)}: {were}; name three persons or more there"
+        else:
+            much += (
+                ": too few parts or touches were held out in training to promise "
+                f"{self.coverage:g} there"
+            )
         return replace(found, message="; ".join(filter(None, (found.message, much))))
 
     def probabilities(self, touch: Touch) -> FloatArray | None:
@@ -312,7 +322,7 @@ class Classifier(Summary):
         """
         share = self.probabilities(touch)
         if share is None:
-            return self.no_contact(touch.skin)
+            return self.no_contact(touch.skin, touch.person)
         doubted = share
         if self.doubt is not None and not ended:
             felt = felt_rows(touch)
@@ -340,15 +350,15 @@ class Classifier(Summary):
             return names
         return max(names, enough_names(doubted, self.labels, self.coverage), key=len)
 
-    def no_contact(self, skin: PreparedSkin) -> Prediction:
-        """What is predicted where nothing is felt on a skin.
+    def no_contact(self, skin: PreparedSkin, person: str = "") -> Prediction:
+        """What is predicted where nothing is felt on a skin, of a person by name.
 
         Touches that were not felt count among those that sets are promised by, so `no_contact` is
         alone in its set unless no promise can be kept.
         """
         if self.sets is None or self.coverage is None:
             return Prediction(NO_CONTACT, 1.0)
-        every = np.isinf(self.sets.threshold(self.coverage, skin.fingerprint))
+        every = np.isinf(self.sets.threshold(self.coverage, skin.fingerprint, person))
         return Prediction(NO_CONTACT, 1.0, (NO_CONTACT, *(self.labels if every else ())))
 
     def strangeness(self, touch: Touch) -> float:
@@ -439,7 +449,7 @@ class GivenName(Classifier):
         named = SimpleNamespace(classes_=np.array([label]))
         super().__init__("given name", ContactGeometry(), named)
 
-    def difference(self, skin: Skin) -> SkinDifference:
+    def difference(self, skin: Skin, people: Sequence[str] = ()) -> SkinDifference:
         """None: there is nothing that it learnt."""
         return SkinDifference("", True)
 

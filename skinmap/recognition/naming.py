@@ -228,7 +228,7 @@ def classify(
                 classifier, skins[one.part], samples, rule=own, rest=rest, person=one.people[event]
             )
             said = [touch.prediction for touch in named]
-            said = said or [classifier.no_contact(skins[one.part])]
+            said = said or [classifier.no_contact(skins[one.part], one.people[event])]
             truth = true_labels(named, samples, label, owners) or [label]
             found += [
                 ClassifiedTouch(one.part, event, number, name.label, name.confidence, recorded)

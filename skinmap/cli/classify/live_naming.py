@@ -424,7 +424,8 @@ def _name_events(
         truth = true_labels(named, samples, label, owners) or [label]
         found = [(one.taxels, one.prediction) for one in named]
         if not named:
-            samples, found = samples[:0], [(np.zeros(len(skin), bool), classifier.no_contact(skin))]
+            samples = samples[:0]
+            found = [(np.zeros(len(skin), bool), classifier.no_contact(skin, person))]
         for number, ((taxels, said), recorded) in enumerate(zip(found, truth, strict=True)):
             answers: dict[str, Any] = {one: getattr(said.answers, one, None) for one in THREE}
             row = NamedRow(
@@ -498,8 +499,9 @@ def check_model(
         A model that reads taxels by their number, and another skin.
     """
     _note_coarse(skins.values())
-    for skin in skins.values():
-        difference = classifier.difference(skin.skin)
+    for part, skin in skins.items():
+        people = dict.fromkeys(who for one in recordings if one.part == part for who in one.people)
+        difference = classifier.difference(skin.skin, tuple(people))
         if not difference.may_go_on:
             raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
         if difference.message:
