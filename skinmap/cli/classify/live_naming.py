@@ -111,7 +111,7 @@ def classify_live(
             with closing(again) as ahead:
                 loop.learn_rest(ahead, LEARN)
         _note_differences(classifier, loop)
-        run = _Run(loop, spec, classifier.name, as_json=as_json)
+        run = _Run(loop, spec, classifier.name, paced=np.isfinite(speed), as_json=as_json)
         publishers = _publish(loop, publish)
     except BaseException:
         source.close()
@@ -162,8 +162,11 @@ class _Heaviest:
 class _Run:
     """Prints what the loop finds."""
 
-    def __init__(self, loop: TouchLoop, spec: str, classifier: str, *, as_json: bool) -> None:
+    def __init__(
+        self, loop: TouchLoop, spec: str, classifier: str, *, paced: bool, as_json: bool
+    ) -> None:
         self.loop, self.spec, self.classifier, self.as_json = loop, spec, classifier, as_json
+        self.paced = paced  # else many samples come at once, and wait for each other
         self.touches = self.withdrawn = 0
         self.latencies: deque[float] = deque(maxlen=LATENCIES)
         self.loads: dict[int, _Heaviest] = {}  # by number of the touch
@@ -249,10 +252,10 @@ class _Run:
         if self.withdrawn:
             click.echo(f"{self.withdrawn} taken back: the taxels are stuck")
         median = "-" if shares[0] is None else f"{shares[0]:.1f}"
+        late_by = f"; {median} ms from a sample to its labels (median)" if self.paced else ""
         click.echo(
             f"{self.touches} touches in {summary.counts.used} samples, "
-            f"{summary.counts.faults() or '0 lost'}; "
-            f"{median} ms from a sample to its labels (median)"
+            f"{summary.counts.faults() or '0 lost'}{late_by}"
         )
 
 
