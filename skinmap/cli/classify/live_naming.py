@@ -48,7 +48,14 @@ from skinmap.live.sources.source import Counts, SourceEnded, is_live
 from skinmap.live.touched_taxels import LEARN
 from skinmap.recognition.answering import lacking
 from skinmap.recognition.classifier import Prediction, TouchClassifier
-from skinmap.recognition.naming import all_right, in_words, name_touches, true_labels
+from skinmap.recognition.naming import (
+    FINGERTIP,
+    all_right,
+    in_words,
+    name_touches,
+    not_felt,
+    true_labels,
+)
 from skinmap.report.present import emit_line, object_of
 from skinmap.touch.contacts.grouping import GroupingRule
 from skinmap.touch.contacts.motion_features import MM, MOTION_FEATURES, motion_features
@@ -59,7 +66,6 @@ from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.gestures import FOUR
 from skinmap.touch.touch_labels import JOIN
 
-FINGERTIP = 15e-3  # its width [m]
 WAIT = 0.2  # so often a silent source lets an interruption through [s]
 HEAD = (
     f"{'began':>11}  {'part':18} {'touch':14} {'sure':>5}  {'hand?':6}  {'lasted':>8}  "
@@ -167,6 +173,7 @@ class _Run:
     ) -> None:
         self.loop, self.spec, self.classifier, self.as_json = loop, spec, classifier, as_json
         self.paced = paced  # else many samples come at once, and wait for each other
+        self.started = time.perf_counter()
         self.touches = self.withdrawn = 0
         self.latencies: deque[float] = deque(maxlen=LATENCIES)
         self.loads: dict[int, _Heaviest] = {}  # by number of the touch
@@ -252,10 +259,12 @@ class _Run:
         if self.withdrawn:
             click.echo(f"{self.withdrawn} taken back: the taxels are stuck")
         median = "-" if shares[0] is None else f"{shares[0]:.1f}"
-        late_by = f"; {median} ms from a sample to its labels (median)" if self.paced else ""
+        each = 1e3 * (time.perf_counter() - self.started) / max(summary.counts.used, 1)
+        pace = f"{median} ms from a sample to its labels (median)"
         click.echo(
             f"{self.touches} touches in {summary.counts.used} samples, "
-            f"{summary.counts.faults() or '0 lost'}{late_by}"
+            f"{summary.counts.faults() or '0 lost'}; "
+            f"{pace if self.paced else f'{each:.2f} ms from one sample to the next (mean)'}"
         )
 
 
@@ -427,8 +436,8 @@ def _name_events(
         truth = true_labels(named, samples, label, owners) or [label]
         found = [(one.taxels, one.prediction) for one in named]
         if not named:
-            samples = samples[:0]
-            found = [(np.zeros(len(skin), bool), classifier.no_contact(skin, person))]
+            said = not_felt(classifier, skin, samples, rest, person)
+            samples, found = samples[:0], [(np.zeros(len(skin), bool), said)]
         for number, ((taxels, said), recorded) in enumerate(zip(found, truth, strict=True)):
             answers: dict[str, Any] = {one: getattr(said.answers, one, None) for one in THREE}
             row = NamedRow(
