@@ -255,7 +255,9 @@ def _check_probabilities(
     _require(bool(fine), "predict_proba does not give probabilities")
     # 1e-6: probabilities may have been computed in float32.
     _require(bool((np.abs(share.sum(axis=1) - 1.0) < 1e-6).all()), "probabilities must sum to 1")
-    own = share[np.arange(len(labels)), np.searchsorted(classes, labels)]
+    # The columns in the order of classes_, which need not be that of the alphabet.
+    column = {label: k for k, label in enumerate(classes.tolist())}
+    own = share[np.arange(len(labels)), [column[label] for label in labels.tolist()]]
     right = float(np.mean(own >= share.max(axis=1) - 1e-6))
     # Calibrated pairs of classes may turn a close decision: one in ten of clear touches.
     least = 0.9 if agree else 1.0 / len(classes)

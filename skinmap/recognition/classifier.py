@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import BrokenPluginError, InvalidArrayError, NotFittedError
+from skinmap.geometry.proximity import median_spacing
 from skinmap.recognition.catalogue import DEFAULT as DEFAULT
 from skinmap.recognition.catalogue import classifiers as classifiers
 from skinmap.recognition.descriptors import ContactGeometry, Descriptor, Touch
@@ -35,7 +36,7 @@ from skinmap.recognition.prediction_sets import (
 from skinmap.skin.skin import Skin, fingerprint
 from skinmap.summary import Summary, listed
 from skinmap.touch.contacts.skin_geometry import ACTIVE, pool_event
-from skinmap.touch.prepared_skin import PreparedSkin, SkinDifference, TrainedSkin, compare_skin
+from skinmap.touch.prepared_skin import MM, PreparedSkin, SkinDifference, TrainedSkin, compare_skin
 
 if TYPE_CHECKING:
     from skinmap.recognition.answering import ThreeAnswers
@@ -45,6 +46,8 @@ if TYPE_CHECKING:
 NO_CONTACT = "no_contact"
 CALIBRATION_FOLDS = 5
 CHECKED = 200  # rows of a plug-in that its answers are checked on
+# Pitches of the training that a skin may have more or less; shipped robots differ by up to 1.3.
+FAR = 2.0
 ROWS = 1200  # training rows at most: the cost of a Gram matrix grows with the square
 Probabilities = Callable[[FloatArray], FloatArray]
 # Classifiers quick enough to train that `skinmap train` also calibrates sets of names.
@@ -113,6 +116,7 @@ class Classifier(Summary):
         self.doubt: FloatArray | None = None
         self.own_answers: ThreeAnswers | None = None
         self._quick: tuple[Any, Callable[[FloatArray], FloatArray]] | None = None
+        self._pitches: tuple[tuple[TrainedSkin, ...], list[float]] = ((), [])
         self.check: Callable[..., None] | None = None  # of a plug-in's estimator, once trained
 
     @property
@@ -277,19 +281,45 @@ class Classifier(Summary):
             if isinstance(inner.estimator, IntersectionSVC):
                 inner.estimator.function_.compile()
 
-    def difference(self, skin: Skin) -> SkinDifference:
-        """How a skin differs from those trained on, and whether touches can be named there."""
+    def difference(self, skin: Skin, people: Sequence[str] = ("",)) -> SkinDifference:
+        """How a skin differs from those trained on, and whether touches can be named there.
+
+        Sets that hold all names are told of, for touches by these people.
+        """
         one_skin = bool(getattr(self.descriptor, "one_skin", False))
         found = compare_skin(self.trained_on, skin, one_skin=one_skin)
+        if self.trust(skin.spacing) < 1.0:
+            far = f"taxels {skin.spacing * MM:.3g} mm apart are far from those learnt"
+            found = replace(found, message=f"{found.message}; {far}: names are doubted")
         if self.sets is None or self.coverage is None:
             return found
-        if np.isfinite(self.sets.threshold(self.coverage, fingerprint(skin))):
+        now, much = fingerprint(skin), f"sets of names on {skin.part!r} hold all names"
+        wide = [one for one in people if np.isinf(self.sets.threshold(self.coverage, now, one))]
+        if not wide:
             return found
-        much = (
-            f"sets of names on {skin.part!r} hold all names: too few parts or touches were held "
-            f"out in training to promise {self.coverage:g} there"
-        )
+        new = [one for one in wide if one not in self.sets.people]
+        if new and np.isfinite(self.sets.threshold(self.coverage, now)):
+            were = f"{' and '.join(new)} {'was' if len(new) == 1 else 'were'} not in training"
+            much = f"{much} by {' and '.join(new)}: {were}; name three persons or more there"
+        else:
+            much += (
+                ": too few parts or touches were held out in training to promise "
+                f"{self.coverage:g} there"
+            )
         return replace(found, message="; ".join(filter(None, (found.message, much))))
+
+    def trust(self, pitch: float) -> float:
+        """How far names are believed on a skin of this pitch [m]: 1 up to `FAR` times those learnt.
+
+        Beyond that it falls with the square, as the number of taxels that a touch covers.
+        """
+        if self._pitches[0] is not self.trained_on:
+            own = [median_spacing(one.positions) for one in self.trained_on]
+            self._pitches = self.trained_on, [one for one in own if one > 0.0]
+        known = self._pitches[1]
+        if not known:
+            return 1.0
+        return min(1.0, FAR * max(known) / pitch, FAR * pitch / min(known)) ** 2
 
     def probabilities(self, touch: Touch) -> FloatArray | None:
         """Probability of each of `labels`, the mean over rows; None without contact."""
@@ -308,17 +338,20 @@ class Classifier(Summary):
         `no_contact` where nothing is touched, `unknown` below the confidence that the estimator
         chose on held-out touches (its `reject_`, if it has one). A touch that goes on is named
         with doubt while it is young, by a classifier that looks at how touches go on: a finger
-        that has just landed looks like a tap.
+        that has just landed looks like a tap. So is every touch on a skin far coarser or finer
+        than those learnt (`trust`).
         """
         share = self.probabilities(touch)
         if share is None:
-            return self.no_contact(touch.skin)
-        doubted = share
+            return self.no_contact(touch.skin, touch.person)
+        doubted, trust = share, self.trust(touch.skin.pitch)
         if self.doubt is not None and not ended:
             felt = felt_rows(touch)
             age = (len(touch.samples) - int(felt[0])) / touch.rate if len(felt) else 0.0
             doubt = float(np.interp(age, AGES, self.doubt))
             doubted = (1.0 - doubt) * share + doubt / len(share)
+        if trust < 1.0:
+            doubted = trust * doubted + (1.0 - trust) / len(share)
         best = int(np.argmax(doubted))
         known = doubted[best] >= getattr(self.estimator, "reject_", 0.0)
         names = self._names(touch, share, None if ended else doubted)
@@ -340,15 +373,15 @@ class Classifier(Summary):
             return names
         return max(names, enough_names(doubted, self.labels, self.coverage), key=len)
 
-    def no_contact(self, skin: PreparedSkin) -> Prediction:
-        """What is predicted where nothing is felt on a skin.
+    def no_contact(self, skin: PreparedSkin, person: str = "") -> Prediction:
+        """What is predicted where nothing is felt on a skin, of a person by name.
 
         Touches that were not felt count among those that sets are promised by, so `no_contact` is
         alone in its set unless no promise can be kept.
         """
         if self.sets is None or self.coverage is None:
             return Prediction(NO_CONTACT, 1.0)
-        every = np.isinf(self.sets.threshold(self.coverage, skin.fingerprint))
+        every = np.isinf(self.sets.threshold(self.coverage, skin.fingerprint, person))
         return Prediction(NO_CONTACT, 1.0, (NO_CONTACT, *(self.labels if every else ())))
 
     def strangeness(self, touch: Touch) -> float:
@@ -439,7 +472,7 @@ class GivenName(Classifier):
         named = SimpleNamespace(classes_=np.array([label]))
         super().__init__("given name", ContactGeometry(), named)
 
-    def difference(self, skin: Skin) -> SkinDifference:
+    def difference(self, skin: Skin, people: Sequence[str] = ()) -> SkinDifference:
         """None: there is nothing that it learnt."""
         return SkinDifference("", True)
 

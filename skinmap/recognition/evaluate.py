@@ -87,14 +87,24 @@ def split_parts(
     train_parts: Sequence[str],
     *,
     rng: np.random.Generator,
+    by_label: bool = False,
 ) -> Split:
-    """Divide the touches of parts that were recorded, of each recording or skin apart."""
+    """Divide the touches of parts that were recorded, of each recording or skin apart.
+
+    With `by_label` of each label its share, but for a touch.
+    """
     found = Split((), (), ())
     for part, own in touches:
         if part not in train_parts:
             found.other_parts += (*own,)
             continue
-        held = rng.permutation(len(own)) < HELD_OUT * len(own)
+        place = rng.permutation(len(own))
+        if by_label:  # every third or so of those that lie label by label
+            order = place[np.argsort(np.array([own[k].label for k in place]), kind="stable")]
+            held = np.zeros(len(own), bool)
+            held[order] = np.diff(np.ceil(HELD_OUT * np.arange(len(own) + 1))) > 0
+        else:
+            held = place < HELD_OUT * len(own)
         found.same_parts += tuple(compress(own, held))
         found.train += tuple(compress(own, ~held))
     return found

@@ -20,6 +20,8 @@ from skinmap.touch.contacts.skin_geometry import check_pressures, pool_event
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import JOIN, Recording
 
+FINGERTIP = 15e-3  # its width [m]
+
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Named:
@@ -100,6 +102,25 @@ def name_touches(
                 prediction = replace(prediction, answers=answers.of(touch))
             found.append(Named(taxels, prediction))
     return tuple(found)
+
+
+def not_felt(
+    classifier: TouchClassifier,
+    skin: PreparedSkin,
+    samples: NDArray[np.uint8],
+    rest: Rest,
+    person: str = "",
+) -> Prediction:
+    """The name of samples (k, n) that hold no touch: `no_contact`, by a person of this name.
+
+    It is half sure, and alone in no set, where a press on one taxel was dropped as a spike on a
+    skin so coarse that it may have been a finger.
+    """
+    found = classifier.no_contact(skin, person)
+    if skin.pitch <= FINGERTIP or not (samples > rest.begins)[:, ~rest.stuck].any():
+        return found
+    names = None if found.names is None else (NO_CONTACT, *classifier.labels)
+    return replace(found, confidence=0.5, names=names)
 
 
 def in_words(prediction: Prediction) -> str:
@@ -227,7 +248,7 @@ def classify(
                 classifier, skins[one.part], samples, rule=own, rest=rest, person=one.people[event]
             )
             said = [touch.prediction for touch in named]
-            said = said or [classifier.no_contact(skins[one.part])]
+            said = said or [not_felt(classifier, skins[one.part], samples, rest, one.people[event])]
             truth = true_labels(named, samples, label, owners) or [label]
             found += [
                 ClassifiedTouch(one.part, event, number, name.label, name.confidence, recorded)

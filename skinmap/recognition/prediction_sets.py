@@ -5,7 +5,8 @@ Split conformal prediction (Vovk, Gammerman and Shafer, "Algorithmic Learning in
 classifier did not learn from, it is kept how surprising their true names were. A name belongs to
 the set of a new touch if it is no more surprising than the threshold. That is
 
-- on a skin that was calibrated, by the layout's fingerprint, the quantile of its own touches;
+- on a skin that was calibrated, by the layout's fingerprint, the quantile of its own touches, and
+  by someone new at least the quantile that holds for each of three or more people, left out;
 - on another skin the quantile that holds as often as promised on each skin in turn, left out
   (parts that are mirror images of each other are one). Where skins differ by more than so few can
   show, no quantile does, and all names belong to the set.
@@ -107,7 +108,8 @@ class SetCalibration:
         skin : str
             Fingerprint of the layout.
         person : str
-            By name. Of a person with `LEAST` touches it is what is enough for these, too.
+            By name. Of a person with `LEAST` touches it is what is enough for these, too; of
+            another, where three or more were named, what is enough for each of them, left out.
         """
         key = (coverage, skin, person)
         if key not in self._found:
@@ -120,7 +122,12 @@ class SetCalibration:
         if by != "parts" and skin not in self.skins:
             return float("inf")  # nothing was left out that could show it
         own, theirs = np.array(self.skins) == skin, np.array(self.people) == person
-        their = quantile(scores[theirs], coverage) if person and theirs.sum() >= LEAST else -np.inf
+        by_whom = np.unique(np.array(self.people), return_inverse=True)[1]
+        their = -np.inf
+        if person and theirs.sum() >= LEAST:
+            their = quantile(scores[theirs], coverage)
+        elif by_whom.max() + 1 >= GROUPS:
+            their = left_out_quantile(scores, by_whom, coverage)
         if by == "people" and np.isfinite(their):
             return their
         if by == "touches" and person not in ("", *self.people):

@@ -69,6 +69,11 @@ class PreparedSkin:
         return fingerprint(self.skin)
 
     @cached_property
+    def pitch(self) -> float:
+        """Median distance of a taxel to the nearest other [m]."""
+        return self.skin.spacing
+
+    @cached_property
     def mesh(self) -> SurfaceMesh:
         """Delaunay surface mesh."""
         return build_surface(self.skin)

@@ -1,5 +1,8 @@
 from __future__ import annotations
 
+from collections import Counter
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
@@ -10,7 +13,7 @@ from skinmap.errors import (
 )
 from skinmap.recognition.classifier import NO_CONTACT, classifiers
 from skinmap.recognition.descriptors import Touch
-from skinmap.recognition.evaluate import score, split_touches
+from skinmap.recognition.evaluate import score, split_parts, split_touches
 from skinmap.recognition.model_file import load_classifier, save_classifier
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.simulator import simulate
@@ -45,6 +48,20 @@ def test_split_keeps_events_and_parts_apart(split):
     seen = {touch.samples.tobytes() for touch in split.train}
     assert not seen & {touch.samples.tobytes() for touch in split.same_parts}
     assert len(split.same_parts) == pytest.approx(0.3 * 128, abs=2)
+
+
+def test_each_label_has_its_share_held_out_though_its_trials_were_shuffled_by_the_same_seed():
+    """The old draw held out all that a shuffle by the same seed had put first."""
+    for seed in range(5):
+        names = np.repeat(list("abcde"), 20)[
+            np.argsort(np.random.default_rng(seed).permutation(100))
+        ]
+        touches = [SimpleNamespace(label=str(name)) for name in names]
+        draw = np.random.default_rng(seed)
+        found = split_parts([("arm", touches)], ["arm"], rng=draw, by_label=True)
+        held = Counter(one.label for one in found.same_parts)
+        assert held == dict.fromkeys("abcde", 6)
+        assert len(found.train) == 70
 
 
 def test_contact_geometry_names_touches_on_the_same_and_on_other_parts(trained, split):

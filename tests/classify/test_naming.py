@@ -6,8 +6,11 @@ import pytest
 from skinmap.errors import SkinMismatchError
 from skinmap.recognition.classifier import NO_CONTACT, Prediction, classifiers
 from skinmap.recognition.descriptors import Touch
-from skinmap.recognition.naming import Named, all_right, name_touches, true_labels
+from skinmap.recognition.naming import Named, all_right, name_touches, not_felt, true_labels
 from skinmap.recognition.prediction_sets import UNKNOWN
+from skinmap.skin.skin import skin_from_points
+from skinmap.touch.contacts.rest import usual_rest
+from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.simulation.simulator import RATE, simulate, simulate_pairs
 from tests.replay import replay
 
@@ -24,6 +27,25 @@ def model(prepared):
         ).touches()
     ]
     return classifiers.get("contact-geometry")().fit(touches, rng=rng)
+
+
+def test_a_skin_far_coarser_than_those_learnt_is_named_with_doubt(model, prepared):
+    """20 mm apart: the old names were sure to 1.00, of `no_contact` too, and seldom right."""
+    flat = 0.02 * np.array([[x, y, 0.0] for x in range(12) for y in range(8)])
+    pad = PreparedSkin(skin_from_points(flat, np.tile([0.0, 0.0, 1.0], (96, 1)), part="pad"))
+    made = simulate(pad.skin, rng=3, per_gesture=3)
+    named = [one for _, _, samples in made.touches() for one in name_touches(model, pad, samples)]
+    assert len(named) > 3
+    assert max(one.prediction.confidence for one in named) < 0.65
+    assert "20 mm apart are far from those learnt" in model.difference(pad.skin).message
+    for part in ("left_foot", "torso"):
+        assert model.trust(prepared(part).pitch) == 1.0
+    one = np.zeros((3, 96), np.uint8)
+    rest = usual_rest(96)
+    assert not_felt(model, pad, one, rest).confidence == 1.0
+    one[:, 40] = 90
+    assert name_touches(model, pad, one) == ()
+    assert not_felt(model, pad, one, rest).confidence == 0.5
 
 
 def test_two_touches_at_once_get_two_right_labels(model, prepared):

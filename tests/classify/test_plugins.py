@@ -95,7 +95,25 @@ class GeometryBayes(Bayes):
     input_kind = "contact-geometry"
 
 
-@pytest.mark.parametrize("make", [RawBayes, HistogramBayes, ImageBayes, GeometryBayes])
+class Backwards(ClassifierMixin, BaseEstimator):
+    """Its classes_ are not in the order of the alphabet; an IndexError in the old check."""
+
+    input_kind = "contact-geometry"
+
+    def fit(self, X, y):
+        self.classes_ = np.unique(y)[::-1]
+        self.centres_ = np.array([np.log1p(X[y == name]).mean(axis=0) for name in self.classes_])
+        return self
+
+    def predict_proba(self, X):
+        near = np.exp(-((np.log1p(X)[:, None] - self.centres_) ** 2).mean(axis=-1))
+        return near / near.sum(axis=1, keepdims=True)
+
+    def predict(self, X):
+        return self.classes_[self.predict_proba(X).argmax(axis=1)]
+
+
+@pytest.mark.parametrize("make", [RawBayes, HistogramBayes, ImageBayes, GeometryBayes, Backwards])
 def test_check_classifier_accepts_every_input_kind(make):
     check_classifier(make)
 

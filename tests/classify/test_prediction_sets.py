@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -160,6 +161,32 @@ def test_a_person_who_is_known_has_an_own_threshold_and_another_that_of_all():
     assert sets.threshold(0.7, "arm", "e") == sets.threshold(0.7, "arm")
     assert sets.threshold(0.7, "leg", "b") == np.inf  # one skin says nothing about another
     assert sets.threshold(0.99, "arm", "b") == np.inf  # 20 touches promise 20 of 21
+
+
+def test_a_new_person_on_a_calibrated_skin_needs_what_each_person_left_out_needed():
+    """Of three parts and three people; the old threshold was the skin's own quantile only."""
+    who, where = np.repeat(np.arange(3), 3 * LEAST), np.tile(np.repeat(np.arange(3), LEAST), 3)
+    shares = np.select([(who == 2) & (where == 2), who == 1], [0.1, 0.7], 0.9)
+    people, parts = [[word[k] for k in of] for word, of in (("abc", who), ("xyz", where))]
+    sets = kept(shares, parts, people=tuple(people))
+    own = -USUAL * np.log(0.7)
+    assert sets.threshold(0.7, "x", "b") == pytest.approx(own)  # who is known needs no more
+    assert sets.threshold(0.8, "x", "d") == pytest.approx(-USUAL * np.log(0.1))
+    assert sets.threshold(0.8, "x") == sets.threshold(0.8, "x", "d")
+
+
+def test_that_sets_of_a_new_person_hold_all_names_is_stated(calibrated):
+    """Two people were named in training: the old note looked at touches by nobody only."""
+    model, skin = copy(calibrated[0]), calibrated[1][0].skin
+    people = ("ada",) * 40 + ("ben",) * 40
+    model.sets = kept(np.linspace(0.5, 1, 80), [skin.fingerprint] * 80, people=people)
+    model.promise(0.9)
+    assert "all names" not in model.difference(skin.skin, ("", "ada")).message
+    assert model.difference(skin.skin, ("ada", "cat")).message.endswith(
+        "sets of names on 'left_foot' hold all names by cat: cat was not in training; "
+        "name three persons or more there"
+    )
+    assert model.no_contact(skin, "cat").names != (NO_CONTACT,)
 
 
 def test_what_few_groups_cannot_show_gives_all_names():

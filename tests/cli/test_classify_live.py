@@ -64,6 +64,13 @@ def free_port():
         return one.getsockname()[1]
 
 
+def test_samples_that_are_read_at_once_have_no_delay_that_is_told(made):
+    """The old line told how long samples of a file had waited for those read with them."""
+    words = ["classify", *map(str, made), "--seconds", "1000"]
+    last = CliRunner().invoke(cli, words, catch_exceptions=False).stdout.splitlines()[-1]
+    assert last.endswith(" ms from one sample to the next (mean)")
+
+
 def test_a_recording_is_followed_as_a_stream(made):
     model, recording = made
     *touches, summary = lines(model, recording, "--seconds", "1000")

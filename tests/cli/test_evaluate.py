@@ -3,14 +3,17 @@ from __future__ import annotations
 import json
 import socket
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from skinmap.cli.evaluate.protocol_recordings import lines
 from skinmap.cli.main import cli
-from skinmap.errors import SkinError
-from skinmap.recognition.protocols import kaspar
+from skinmap.errors import InvalidArrayError, SkinError
+from skinmap.recognition.protocols import baxter, kaspar
+from skinmap.recognition.protocols.results import LeakRow
 from skinmap.touch.recording import load_recordings, save_recordings
 from skinmap.touch.simulation.simulator import simulate
 
@@ -108,6 +111,32 @@ def test_tables_are_printed_for_people(recording):
     result = CliRunner().invoke(cli, words, catch_exceptions=False)
     assert "plain folds flatter contact-geometry by" in result.stdout
     assert "7 full_finger, 7 poke" in result.stdout
+
+
+def test_plain_folds_that_are_harder_are_not_told_by_a_negative_number():
+    leak = [LeakRow(classifier="raw-rbf", points=-35.3), LeakRow(classifier="paper", points=3.0)]
+    result = SimpleNamespace(
+        touches={"poke": 7}, parts=["arm"], folds=4, table=[], seeds=[0], left_out=[], leak=leak,
+        skipped={},
+    )  # fmt: skip
+    assert [*lines(result)][-2:] == [
+        "plain folds are harder on raw-rbf by 35.3 points",
+        "plain folds flatter paper by 3.0 points",
+    ]
+
+
+def test_methods_of_baxter_have_the_names_of_classifiers_too(monkeypatch):
+    asked = []
+
+    def kept(*_, methods, **others):
+        asked.extend(methods)
+        raise InvalidArrayError("enough")
+
+    monkeypatch.setattr(baxter, "evaluate_baxter", kept)
+    for name in ("raw-rbf", "raw_rbf"):
+        words = ["evaluate", "--protocol", "baxter", "--classifier", name]
+        assert str(CliRunner().invoke(cli, words).exception) == "enough"
+    assert asked == ["raw_rbf", "raw_rbf"]
 
 
 @pytest.mark.parametrize(

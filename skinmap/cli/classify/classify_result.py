@@ -316,7 +316,8 @@ class Latency:
     Attributes
     ----------
     median, p99, max
-        In milliseconds; null where no sample came.
+        In milliseconds; null where no sample came. Samples of a recording wait for those read with
+        them.
     """
 
     median: float | None

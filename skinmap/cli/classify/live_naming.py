@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 from typing import Any
@@ -49,7 +49,14 @@ from skinmap.live.sources.source import Counts, SourceEnded, is_live
 from skinmap.live.touched_taxels import LEARN
 from skinmap.recognition.answering import lacking
 from skinmap.recognition.classifier import Prediction, TouchClassifier
-from skinmap.recognition.naming import all_right, in_words, name_touches, true_labels
+from skinmap.recognition.naming import (
+    FINGERTIP,
+    all_right,
+    in_words,
+    name_touches,
+    not_felt,
+    true_labels,
+)
 from skinmap.report.present import emit_line, object_of
 from skinmap.touch.contacts.grouping import GroupingRule
 from skinmap.touch.contacts.motion_features import MM, MOTION_FEATURES, motion_features
@@ -59,7 +66,6 @@ from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import JOIN, Recording
 from skinmap.touch.simulation.gestures import FOUR
 
-FINGERTIP = 15e-3  # its width [m]
 WAIT = 0.2  # so often a silent source lets an interruption through [s]
 HEAD = (
     f"{'began':>11}  {'part':18} {'touch':14} {'sure':>5}  {'hand?':6}  {'lasted':>8}  "
@@ -111,7 +117,7 @@ def classify_live(
             with closing(again) as ahead:
                 loop.learn_rest(ahead, LEARN)
         _note(classifier, loop.skins)
-        run = _Run(loop, spec, classifier.name, as_json=as_json)
+        run = _Run(loop, spec, classifier.name, paced=np.isfinite(speed), as_json=as_json)
         publishers = _publish(loop, publish)
     except BaseException:
         source.close()
@@ -162,8 +168,12 @@ class _Heaviest:
 class _Run:
     """Prints what the loop finds."""
 
-    def __init__(self, loop: TouchLoop, spec: str, classifier: str, *, as_json: bool) -> None:
+    def __init__(
+        self, loop: TouchLoop, spec: str, classifier: str, *, paced: bool, as_json: bool
+    ) -> None:
         self.loop, self.spec, self.classifier, self.as_json = loop, spec, classifier, as_json
+        self.paced = paced  # else many samples come at once, and wait for each other
+        self.started = time.perf_counter()
         self.touches = self.withdrawn = 0
         self.latencies: deque[float] = deque(maxlen=LATENCIES)
         self.loads: dict[int, _Heaviest] = {}  # by number of the touch
@@ -249,10 +259,12 @@ class _Run:
         if self.withdrawn:
             click.echo(f"{self.withdrawn} taken back: the taxels are stuck")
         median = "-" if shares[0] is None else f"{shares[0]:.1f}"
+        each = 1e3 * (time.perf_counter() - self.started) / max(summary.counts.used, 1)
+        pace = f"{median} ms from a sample to its labels (median)"
         click.echo(
             f"{self.touches} touches in {summary.counts.used} samples, "
             f"{summary.counts.faults() or '0 lost'}; "
-            f"{median} ms from a sample to its labels (median)"
+            f"{pace if self.paced else f'{each:.2f} ms from one sample to the next (mean)'}"
         )
 
 
@@ -302,17 +314,25 @@ def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:
     return found
 
 
-def _note(classifier: TouchClassifier, skins: Mapping[str, PreparedSkin]) -> None:
-    """Say what a model does not answer itself, and on which parts it has not learnt."""
+def _note(
+    classifier: TouchClassifier,
+    skins: Mapping[str, PreparedSkin],
+    people: Mapping[str, Collection[str]] | None = None,
+) -> None:
+    """Say what a model does not answer itself, and on which parts, by whom, it has not learnt."""
     if lacks := lacking(classifier):
         click.echo(f"note: the model {lacks}", err=True)
     _note_coarse(skins.values())
-    found = {part: classifier.difference(one.skin).message for part, one in skins.items()}
+    found = {
+        part: classifier.difference(one.skin, tuple(people[part]) if people else ("",)).message
+        for part, one in skins.items()
+    }
     strange = [part for part, message in found.items() if message]
-    if len(strange) == 1:
-        click.echo(f"note: {found[strange[0]]}", err=True)
-    elif strange:
+    if len(strange) > 1 and people is None:
         click.echo(f"note: the model did not learn on {', '.join(strange)}", err=True)
+        return
+    for part in strange:
+        click.echo(f"note: {found[part]}", err=True)
 
 
 def _note_coarse(skins: Iterable[PreparedSkin]) -> None:
@@ -347,7 +367,10 @@ def name_recorded(
         )
     skins = prepare_skins(loaded, chosen)
     check_classifier(classifier, skins.values())
-    _note(classifier, skins)
+    people: dict[str, dict[str, None]] = {part: {} for part in skins}
+    for one in chosen:
+        people[one.part] |= dict.fromkeys(one.people)
+    _note(classifier, skins, people)
     _note_labels(classifier, chosen)
     loads = load_calibrations(calibrations, skins)
     rows: list[NamedRow] = []
@@ -421,7 +444,8 @@ def _name_events(
         truth = true_labels(named, samples, label, owners) or [label]
         found = [(one.taxels, one.prediction) for one in named]
         if not named:
-            samples, found = samples[:0], [(np.zeros(len(skin), bool), classifier.no_contact(skin))]
+            said = not_felt(classifier, skin, samples, rest, person)
+            samples, found = samples[:0], [(np.zeros(len(skin), bool), said)]
         for number, ((taxels, said), recorded) in enumerate(zip(found, truth, strict=True)):
             answers: dict[str, Any] = {one: getattr(said.answers, one, None) for one in THREE}
             row = NamedRow(

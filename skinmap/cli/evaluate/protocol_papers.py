@@ -151,13 +151,15 @@ class Baxter(Own):
 def judge_baxter(settings: Settings) -> BaxterResult:
     """Run the protocol."""
     subject: PreparedSkin | ImageSet
-    methods = settings.names or tuple(METHODS)
+    # `raw-rbf` is the name of that classifier elsewhere.
+    named = tuple(one.replace("-", "_") for one in settings.names)
+    methods = named or tuple(METHODS)
     if settings.recordings:
         if settings.robot or settings.parts:
             raise click.UsageError("images of files have no --robot and no --part")
         found = read_images(settings.recordings[0])
         subject, name = given_images(found.images, found.labels, found.touches), ""
-        methods = settings.names or ("bovw", "cnn")
+        methods = named or ("bovw", "cnn")
     else:
         name = settings.robot or "baxter-forearm"
         loaded, parts = open_robot(name, settings.parts)

@@ -136,7 +136,8 @@ def lines(result: RecordingsResult) -> Iterator[str | Table]:
     if result.left_out:
         yield from _left_out(result)
     for leak in result.leak:
-        yield f"plain folds flatter {leak.classifier} by {leak.points:.1f} points"
+        way = "flatter" if leak.points >= 0.0 else "are harder on"
+        yield f"plain folds {way} {leak.classifier} by {abs(leak.points):.1f} points"
     for name, why in result.skipped.items():
         yield f"{name} was not judged: {why}"
 

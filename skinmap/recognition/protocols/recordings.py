@@ -8,9 +8,11 @@ before anybody touched it, and the first samples of each stretch.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
+from unicodedata import normalize
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,11 +39,14 @@ from skinmap.touch.contacts.skin_geometry import pool_event
 from skinmap.touch.prepared_skin import PreparedSkin
 
 FOLDS = 4
+LETTER = r"[^\W\d_]"
 KINDS: tuple[FoldKind, ...] = ("plain", "event")
 
 
 def check_spelling(labels: Sequence[str]) -> None:
-    """Refuse labels that differ in spelling only.
+    """Refuse labels that differ in spelling only: in case, or in blanks, `_` and `-` of words.
+
+    Numbers, signs and marks tell labels apart: `press 1.5 N` and `press 15 N`, `roll<` and `roll>`.
 
     Raises
     ------
@@ -49,7 +54,9 @@ def check_spelling(labels: Sequence[str]) -> None:
     """
     plain: dict[str, str] = {}
     for label in labels:
-        letters = "".join(c for c in label.casefold() if c.isalnum())
+        folded = normalize("NFC", normalize("NFC", label).casefold())
+        spaced = re.sub(rf"[\s_]+|(?<={LETTER})-+(?={LETTER})", " ", folded).strip()
+        letters = re.sub(f"(?<={LETTER}) +(?={LETTER})", "", spaced)
         if letters in plain:
             raise InvalidArrayError(
                 f"labels {plain[letters]!r} and {label!r} differ in spelling only: "

@@ -9,7 +9,7 @@ from skinmap.cli.collection import collect
 from skinmap.cli.evaluate.protocol_recordings import judged_touches
 from skinmap.errors import InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import save_recordings
-from skinmap.recognition.protocols.recordings import evaluate_recordings
+from skinmap.recognition.protocols.recordings import check_spelling, evaluate_recordings
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation.simulator import simulate
 
@@ -86,6 +86,22 @@ def test_labels_that_do_not_match_are_refused(tmp_path, recording):
         judged(path, recording, "slap")
     both = relabelled(recording, "poke+whole_hand")
     assert len(judged(path, both)) == len(recording.labels) - 1
+
+
+def test_labels_that_differ_in_signs_numbers_or_marks_are_not_one_label():
+    """The old check kept letters and digits alone, and saw one label in each of these pairs."""
+    for pair in (
+        ("press 1.5 N", "press 15 N"),
+        ("roll<", "roll>"),
+        ("twist -", "twist +"),
+        ("\u2191", "\u2193"),
+        ("\u0915\u093f", "\u0915\u093e"),
+        ("\U0001f44d", "\U0001f44e"),
+    ):
+        check_spelling(pair)
+    for pair in (("full-finger", "Full  Finger"), ("caf\u00e9", "cafe\u0301"), ("a_1", "A 1 ")):
+        with pytest.raises(InvalidArrayError, match="differ in spelling only"):
+            check_spelling(pair)
 
 
 def test_a_recording_from_another_skin_is_refused(tmp_path, recording):
