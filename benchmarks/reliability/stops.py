@@ -181,7 +181,10 @@ def stop(
 
 def _judged(kind: str, code: int, said: str, result: Path, names: frozenset[str]) -> str:
     """What is wrong about how a stopped command ended; "" where nothing is."""
-    done, killed = code in (0, 3), kind == "SIGKILL"  # it was ready, or goes on as if nothing was
+    done, killed = (
+        code in (0, 3),
+        kind == "SIGKILL",
+    )  # it was ready, or goes on as if nothing had happened
     if not done and code != CODES.get(kind, 0):
         return f"exit {code}: {said[-300:]}"
     if "Traceback" in said or "Exception ignored" in said:

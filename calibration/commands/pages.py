@@ -62,22 +62,32 @@ def judged_page(
 
 
 def places_picture(
-    positions: FloatArray, off: FloatArray, words: str = "predicted error [mm]"
+    positions: FloatArray,
+    off: FloatArray,
+    words: str = "predicted error [mm]",
+    *,
+    most: float | None = None,
+    behind: FloatArray | None = None,
 ) -> bytes:
     """PNG: taxels or points (n, 3) [m], coloured by off (n,) [m], which `words` names.
 
-    From above and from beside, the nearer ones in front.
+    From above and from beside, the nearer ones in front. Colours go from 0 to `most` [m], or from
+    the least to the most; points `behind` (k, 3) [m] are grey.
     """
     middle = positions.mean(axis=0)
     _, _, axes = np.linalg.svd(positions - middle, full_matrices=False)
     across = MM * (positions - middle) @ axes.T
+    ground = MM * ((positions if behind is None else behind) - middle) @ axes.T
+    scale = {} if most is None else {"vmin": 0.0, "vmax": MM * most}
     figure = plain_figure((9.4, 3.8))
     both = figure.subplots(1, 2)
     size = np.clip(14_000 / len(positions), 3.0, 14.0)
     for axis, (up, depth) in zip(both, ((1, 2), (2, 1)), strict=True):
         order = np.argsort(across[:, depth])
         places = across[order][:, (0, up)].T
-        shown = axis.scatter(*places, c=MM * off[order], s=size, cmap="viridis")
+        if behind is not None:
+            axis.scatter(*ground[:, (0, up)].T, c="0.8", s=1.0)
+        shown = axis.scatter(*places, c=MM * off[order], s=size, cmap="viridis", **scale)
         axis.set_aspect("equal")
         axis.set_xlabel("along the skin [mm]")
         axis.set_ylabel(("across the skin [mm]", "out of the skin [mm]")[up - 1])

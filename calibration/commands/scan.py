@@ -177,9 +177,11 @@ def _page(files: ScanFiles, found: ScanRegistration, result: ScanResult) -> str:
     some = files.points[:: max(1, len(files.points) // MAX_DRAWN)]
     here = transform_points(found.T_mesh_scan, some)
     off = np.minimum(closest_on_mesh(here, *files.link)[0], FAR)
-    png = places_picture(here, off, f"distance from the mesh, at most {MM * FAR:.0f} [mm]")
-    words = "Points of the scan from two sides, coloured by their distance from the mesh."
-    pictures = [("On the mesh", png, words)]
+    words = f"distance from the mesh, at most {MM * FAR:.0f} [mm]"
+    link = files.link[0][:: max(1, len(files.link[0]) // MAX_DRAWN)]
+    png = places_picture(here, off, words, most=FAR, behind=link)
+    words = "Points from two sides, coloured by their distance from the mesh, its corners in grey."
+    pictures = [("Points of the scan", png, words)]
     return judged_page(files.title, result, _lines(result), pictures)
 
 

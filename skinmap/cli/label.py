@@ -16,7 +16,6 @@ from skinmap.commands.overwriting import protect
 from skinmap.errors import MissingFileError, OutputError, SkinError
 from skinmap.io.output import staged_file
 from skinmap.report.present import present
-from skinmap.touch.recording import RESERVED, UNNAMED, check_label
 
 if TYPE_CHECKING:
     from skinmap.arrays import FloatArray
@@ -90,6 +89,7 @@ def command(
     """
     from skinmap.io.recordings.marks import Marks, marks_csv, read_marks
     from skinmap.live.sources.open_source import open_track
+    from skinmap.touch.recording import RESERVED, UNNAMED, check_label
 
     _check(recording, output, changes=table is not None)
     label = None if name is None else check_label(name)
@@ -178,6 +178,7 @@ def _found(recording: Path, robot: Robot, times: FloatArray) -> Marks:
     from skinmap.live.loop import TouchLoop
     from skinmap.live.sources.open_source import open_recording
     from skinmap.recognition.classifier import GivenName
+    from skinmap.touch.recording import UNNAMED
 
     source = open_recording(recording, robot=robot, speed=float("inf"))
     loop = TouchLoop(robot, source, classifier=GivenName(FOUND), singly=True)

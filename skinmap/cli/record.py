@@ -30,7 +30,6 @@ from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import is_quiet
 from skinmap.errors import OutputError, UnknownNameError, warn
 from skinmap.report.present import present, singular
-from skinmap.touch.recording import RESERVED, check_label
 
 if TYPE_CHECKING:
     from skinmap.live.loop import TouchLoop
@@ -119,6 +118,7 @@ def command(
     from skinmap.recognition.classifier import GivenName
     from skinmap.recognition.model_file import load_classifier
     from skinmap.touch.prepared_skin import PreparedSkin
+    from skinmap.touch.recording import check_label
 
     if label is not None and model is not None:
         raise click.UsageError("--label and --model both name the touches; give one")
@@ -297,6 +297,7 @@ def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
     """Mark the touches that are over; one without a name, or cut off, is nothing to train on."""
     from skinmap.recognition.answers import answers_object
+    from skinmap.touch.recording import RESERVED
 
     shown.withdrawn += len(loop.withdrawn())
     for event in loop.finished():

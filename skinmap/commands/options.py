@@ -1,8 +1,7 @@
 """Options that mean and look the same in all commands, and the robot that they name.
 
-Options of the commands that spread their work: who computes, and how a run is resumed.
-
-`--profile`: the option that sets defaults of others, and what was taken from it.
+Some belong to commands that spread their work (workers, resumed runs), and `--profile` sets
+defaults of others.
 """
 
 from __future__ import annotations

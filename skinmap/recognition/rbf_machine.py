@@ -102,7 +102,8 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """All that a fitted machine is."""
         check_is_fitted(self)
-        return {name: np.asarray(getattr(self, f"{name}_")) for name in FITTED}
+        made = {name: np.asarray(getattr(self, f"{name}_")) for name in FITTED}
+        return made | {"settings": np.array([PENALTY, np.nan, 0])}  # versions before want them
 
     def from_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Take what `to_arrays` gave.

@@ -1,6 +1,6 @@
 """A part's skin: taxels with repaired normals, on one link, and how it is recognised again.
 
-A small picture of taxels for notebooks: lines and dots in SVG, with a line of words below.
+Notebooks show it as a small picture: lines and dots in SVG, with a line of words below.
 """
 
 from __future__ import annotations

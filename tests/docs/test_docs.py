@@ -217,3 +217,13 @@ def test_modules_that_pages_name_are_there():
             if not file and f'"{name}' not in code and not _stands(name):
                 missing.append(f"{page.name}: {name}")
     assert not missing
+
+
+def test_reference_pages_name_modules_that_exist():
+    found = re.findall(
+        r"generated: modules (\S+) (.*?) -->",
+        "\n".join(page.read_text(encoding="utf-8") for page in (DOCS / "reference").glob("*.md")),
+    )
+    names = [f"{room}.{name}" for room, said in found for name in said.split()]
+    assert len(names) > 50
+    assert [name for name in names if importlib.util.find_spec(name) is None] == []

@@ -1,7 +1,7 @@
 """The calibration view: a flat board beside its link, clicks that become anchors, the patch.
 
-All of it works without a screen; `run` adds mouse, keys and the loop. A patch is solved in half a
-second, for which the window waits.
+All of it works without a screen; `run` adds mouse, keys and the loop. A patch is solved in a
+second or two, for which the window waits.
 """
 
 from __future__ import annotations
@@ -447,8 +447,11 @@ class CalibrationView:
     def _changed(self, *, solve: bool = True) -> None:
         """Solve as soon as there are anchors enough that were not solved yet, and draw."""
         if solve and self.session.ready:
+            self.session.message = "solving"
+            self.refresh()  # so that the click is seen before the window waits
             self.solve_now()
-        self.refresh()
+        else:
+            self.refresh()
 
     def solve_now(self) -> None:
         """Solve and turn to the patch when there was none before."""

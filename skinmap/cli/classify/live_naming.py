@@ -329,7 +329,7 @@ def _note(
     }
     strange = [part for part, message in found.items() if message]
     if len(strange) > 1 and people is None:
-        click.echo(f"note: the model did not learn on {', '.join(strange)}", err=True)
+        click.echo(f"note: skins differ from those learnt: {', '.join(strange)}", err=True)
         return
     for part in strange:
         click.echo(f"note: {found[part]}", err=True)

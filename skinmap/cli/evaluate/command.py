@@ -1,6 +1,6 @@
 """`skinmap evaluate`: how well classifiers do, measured as their authors did and without leaks.
 
-What the protocols of `skinmap evaluate` share: one module each, which is found by its name.
+Each protocol is a module that is found by its name; the settings that they share are here.
 """
 
 from __future__ import annotations

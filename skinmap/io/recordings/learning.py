@@ -7,7 +7,7 @@ PART/motions/k/presses (p, 2) and PART/motions/k/way (w, 4), as docs/recordings.
 joints (j,) and angles (t, j) where there are any. HDF5 has the rest as attributes, NPZ as JSON in
 `about`.
 
-Recordings as a LeRobot data set of version 3: frames and tasks in Parquet, the rest in JSON.
+A LeRobot data set of version 3 has frames and tasks in Parquet and the rest in JSON.
 
 One recording is one episode. A frame holds the values of each part, the joint angles, and as its
 task the names of what touches then. `meta/skin.json` holds the place of each taxel, and each touch

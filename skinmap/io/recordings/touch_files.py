@@ -1,6 +1,6 @@
 """Labelled recordings by the suffix of their file: ours (.npz, .mcap), and by plug-ins others'.
 
-What a foreign recording is of says a mapping: a few lines of TOML beside it.
+A mapping, a few lines of TOML beside a foreign recording, names its robot, parts and units.
 """
 
 from __future__ import annotations

@@ -148,7 +148,7 @@ GESTURES: dict[str, Gesture] = {
 }
 FOUR = tuple(GESTURES)[:4]  # the touches of the first paper
 EIGHT = tuple(GESTURES)[:8]  # those of both papers
-# Touches in time, see `time_gestures`.
+# Touches in time, see `moving_touches`.
 TIME = ("stroke", "pat", "tap", "rub", "slide", "twist", "squeeze", "hold")
 # The least share of a touch that must lie over taxels: a hand is put where the robot has skin,
 # long things stick out beyond it.
