@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
+from skinmap.cli.evaluate import protocol_papers
 from skinmap.cli.evaluate.protocol_recordings import lines
 from skinmap.cli.main import cli
 from skinmap.errors import InvalidArrayError, SkinError
-from skinmap.recognition.protocols import baxter, kaspar
+from skinmap.recognition.protocols import kaspar
 from skinmap.recognition.protocols.results import LeakRow
 from skinmap.touch.recording import load_recordings, save_recordings
 from skinmap.touch.simulation.simulator import simulate
@@ -132,7 +133,7 @@ def test_methods_of_baxter_have_the_names_of_classifiers_too(monkeypatch):
         asked.extend(methods)
         raise InvalidArrayError("enough")
 
-    monkeypatch.setattr(baxter, "evaluate_baxter", kept)
+    monkeypatch.setattr(protocol_papers, "evaluate_baxter", kept)
     for name in ("raw-rbf", "raw_rbf"):
         words = ["evaluate", "--protocol", "baxter", "--classifier", name]
         assert str(CliRunner().invoke(cli, words).exception) == "enough"
