@@ -252,6 +252,14 @@ class PlaneProblem:
         """(m,) -log likelihood of the readings of each contact."""
         return np.sum([self._losses(name, state).sum(axis=1) for name in self.patches], axis=0)
 
+    def silent_losses(self, state: PlaneState) -> tuple[FloatArray, FloatArray]:
+        """(m,) the losses of taxels that no contact felt, and (m,) how many taxels are pressed."""
+        never, pressed = np.zeros((2, len(self.contacts)))
+        for name, one in self.patches.items():
+            never += self._losses(name, state) @ ~self.contacts.active[name].any(axis=0)
+            pressed += self.chances(name, state) @ one.usable
+        return never, pressed
+
     def _losses(self, name: str, state: PlaneState) -> FloatArray:
         chance, felt = self.chances(name, state), self.contacts.active[name]
         loss = -np.log(np.where(felt, chance, 1.0 - chance))

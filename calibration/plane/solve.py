@@ -13,6 +13,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from calibration.patch.patch_calibration import Status
 from calibration.plane.model import (
+    SENSELESS,
     TAIL,
     TAU,
     Layout,
@@ -38,6 +39,7 @@ KNOWN = 3e-3  # a patch is located where its taxels' predicted errors are below 
 ODD_DEPTH = 5.0  # press depth of a contact that contradicts the rest, in spreads
 ODD_READINGS = 8.0  # its readings' loss over the median's, in median absolute deviations
 ODD_LOSS = 6.0  # and at least so much above the median
+MUTE = 0.15  # share of a contact's pressed taxels that may be dead, where no contact felt them
 MANY_ODD = 0.25  # share of contradicting contacts above which nobody knows which are right
 ROUGH = 4e-3  # spread of the press depths [m]: above, poses and taxels do not belong together
 RIVAL = 3.0  # log likelihood by which a second minimum is as good
@@ -308,6 +310,10 @@ def contradicting(problem: PlaneProblem, best: Solution) -> tuple[int, ...]:
     """Contacts whose depth or readings contradict the others."""
     depth = np.abs(best.state.depths) / best.spreads.depth
     losses = problem.contact_losses(best.state)
+    # A large contact meets some of the taxels that are dead but were pressed too seldom to be
+    # left out: their silence contradicts nobody.
+    never, pressed = problem.silent_losses(best.state)
+    losses -= np.minimum(never, -MUTE * np.log(SENSELESS) * pressed)
     middle = float(np.median(losses))
     spread = max(1.4826 * float(np.median(np.abs(losses - middle))), 1.0)
     odd = (depth > ODD_DEPTH) | (

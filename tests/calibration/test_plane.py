@@ -275,6 +275,23 @@ def test_stuck_and_dead_taxels_are_left_out(case, chain, fit):
     assert apart.max() < 2.0 * fit.predicted_sd(PART).max()
 
 
+def test_a_large_contact_over_seldom_pressed_dead_taxels_contradicts_nobody(robot, chain, limits):
+    """A large contact meets several taxels that are dead; too few presses show that they are."""
+    rng = np.random.default_rng(2)
+    mount = planted(chain, rng)
+    contacts = presses(robot, chain, limits, mount, 40, rng, taxel=0.1e-3)
+    felt = contacts.active[PART].copy()
+    largest = int(felt.sum(axis=1).argmax())
+    seldom = np.flatnonzero(felt[largest] & (felt.sum(axis=0) <= 2))[:3]
+    assert len(seldom) == 3
+    felt[:, seldom] = False
+    found = fit_plane(replace(contacts, active={PART: felt}), [chain])
+    assert found.inconsistent == ()
+    felt[largest] = contacts.active[PART][(largest + 1) % 40]
+    found = fit_plane(replace(contacts, active={PART: felt}), [chain])
+    assert found.inconsistent == (largest,)
+
+
 def test_two_surfaces_are_two_planes(case, chain, robot, limits):
     rng = np.random.default_rng(5)
     contacts, mount, offsets = case

@@ -251,6 +251,31 @@ def test_the_notes_of_a_small_page_leave_its_heading_free(open_desk, start):
     tab.context.close()
 
 
+def test_the_legend_of_half_a_window_leaves_status_and_names_free(open_desk, start):
+    """One of two pages side by side: a long legend in a low picture, and a touch on its side."""
+    tab = open_desk(start().url)
+    tab.wait()
+    tab.page.set_viewport_size({"width": 699, "height": 657})
+    status, bar, label = tab.page.evaluate(
+        """() => {
+          const missing = document.getElementById("bar-missing"), stage = skinmap.stage;
+          missing.innerHTML = "<span>grey</span>".repeat(6);
+          document.getElementById("status").textContent = "ended";
+          const { offsetTop: top } = document.getElementById("bar");
+          const { clientWidth: width, clientHeight: height } = stage;
+          const touch = {key: "one", text: "unknown", colour: "#1f6fd0", at: [250, 120]};
+          skinmap.labels.show([touch], {width, height, taken: top - 12});
+          return ["#status", "#bar", ".label"].map((id) => {
+            const box = document.querySelector(id).getBoundingClientRect(), { left, right } = box;
+            return { left, right, top: box.top, bottom: box.bottom };
+          });
+        }"""
+    )
+    assert bar["top"] >= status["bottom"]
+    assert label["left"] >= bar["right"] or label["bottom"] <= bar["top"]
+    tab.context.close()
+
+
 def test_names_that_are_code_are_text_in_the_page(open_desk, opengl, tmp_path):
     code = "<img src=x onerror=window.harmed=1>"
     for path in EXAMPLE.iterdir():

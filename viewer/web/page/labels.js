@@ -4,6 +4,7 @@ import { colour } from "./packing.js";
 import { colours } from "./theme.js";
 
 const GAP = 6; // between two boxes [px]
+const TOP = 64; // below heading and status [px]
 const SVG = "http://www.w3.org/2000/svg";
 
 const READABLE = 4.5; // contrast of letters (WCAG 2.1)
@@ -51,6 +52,9 @@ export class Labels {
       }
       sides[one.side].push({ ...touch, ...one, });
     }
+    // Boxes that do not fit above the legend stand on the other side.
+    const above = sides.left.reduce((sum, { height }) => sum + height + GAP, TOP);
+    if (above > room.taken + GAP) sides.right.push(...sides.left.splice(0));
     for (const side of ["left", "right"]) this.stack(sides[side], side, room);
   }
 
@@ -87,15 +91,15 @@ export class Labels {
 
   stack(column, side, room) {
     column.sort((a, b) => a.at[1] - b.at[1]);
-    const top = 64, bottom = side === "left" ? room.taken : room.height - 12;
-    let y = top;
+    const bottom = side === "left" ? room.taken : room.height - 12;
+    let y = TOP;
     for (const one of column) {
       one.y = Math.max(y, one.at[1] - one.height / 2 - 30);
       y = one.y + one.height + GAP;
     }
     let limit = bottom;
     for (const one of [...column].reverse()) {
-      one.y = Math.max(top, Math.min(one.y, limit - one.height));
+      one.y = Math.max(TOP, Math.min(one.y, limit - one.height));
       limit = one.y - GAP;
     }
     const inset = Math.max(12, 0.08 * room.width);
