@@ -60,6 +60,8 @@ def age(names: Sequence[str], code: frozenset[str], results: Path = RESULTS) -> 
         share = changed(result, code)
         notes = [made["date"]] if "date" in made else []
         notes += [] if made.get("clean", True) else ["with changes"]
+        before = sorted({*result.get("measured_at", {}).values()} - {made["commit"]})
+        notes += [f"some of its tables at {' and '.join(before)}"] if before else []
         since = UNKNOWN if share is None else CHANGED if share > OLDER else ""
         note = f" ({', '.join(notes)})" if notes else ""
         told[since].append(f"`{name}` at {made['commit']}{note}")

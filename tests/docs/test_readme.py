@@ -78,8 +78,13 @@ def test_age_is_told_as_it_is(figures, tmp_path):
     made = {"commit": "abc1234", "clean": True, "date": "2026-11-23", "code": "aa bb cc dd"}
     (tmp_path / "one.json").write_text(json.dumps({"made": made}))
     (tmp_path / "two.json").write_text(json.dumps({**made, "clean": False, "code": ""}))
+    tables = {"measured_at": {"touch": "abc1234", "wiring": "def5678"}}
+    (tmp_path / "three.json").write_text(json.dumps(made | tables))
     same, other = frozenset(["aa", "bb", "cc", "dd", "ee"]), frozenset(["aa", "bb", "cc"])
     assert figures.age(["one"], same, tmp_path) == "Made: `one` at abc1234 (2026-11-23)."
+    assert figures.age(["three"], same, tmp_path) == (
+        "Made: `three` at abc1234 (2026-11-23, some of its tables at def5678)."
+    )
     assert figures.age(["two", "one"], other, tmp_path) == (
         "Made: `one` at abc1234 (2026-11-23), with more than a twentieth of their code changed "
         "since; `two` at abc1234 (2026-11-23, with changes), without a record of the code that ran."
