@@ -3,7 +3,7 @@
 Every file of benchmarks/results that a program here writes goes through `write`; every program
 that measures one area has `measure(quick) -> dict` and ends with `command`.
 
-And the code behind a result: what ran when it was made, and how much of that is still the same. A
+Each result keeps the code that ran for it, so that a page can show how much of it has changed. A
 piece is a function that ran, or a statement (a constant, the head of a class) of a module in which
 something ran. Each has a digest of its syntax tree, without comments and docstrings: moving,
 formatting and explaining code changes none. Pieces of a result that today's code no longer holds

@@ -1,7 +1,6 @@
-"""The surface that a patch is laid on: a link's mesh, wrapped so that it is closed and clean.
+"""A link's mesh, wrapped so that it is closed and clean, and the board that is laid on it.
 
-And the board that is laid: its layout, the lengths that hold, the plates it is made of, how heights
-go together.
+A board has a layout, lengths that hold, rigid plates, and heights that go together.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """The boards of a part: modules, the chains they hang on, and where their slots may lie.
 
-What may be wrong with modules, chains and channels, and the corrected map.
+Faults of modules, chains and channels, and the map that corrects them, are here too.
 """
 
 from __future__ import annotations

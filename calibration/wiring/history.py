@@ -3,7 +3,7 @@
 The evidence of touches on gains (`touches`) adds up over the check-ups before and after a moment.
 The gain of a taxel has changed where its difference departs from those of the taxels beside it.
 
-The page of a check-up: its faults in words, and the parts with the faults marked.
+The page of a check-up names its faults, and marks them on the parts.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """The rows of flat maps: what each patch costs, by another method too, and as others drew it.
 
-Geodesic stress: how far straight lines of the flat map are from shortest ways on the skin.
-
-The distortion of each triangle by name, and hand-drawn maps beside computed ones.
+Geodesic stress compares straight lines of the flat map with shortest ways on the skin. The
+distortion of each triangle goes by its name, and hand-drawn maps stand beside computed ones.
 """
 
 from __future__ import annotations

@@ -284,13 +284,14 @@ class Classifier(Summary):
     def difference(self, skin: Skin, people: Sequence[str] = ("",)) -> SkinDifference:
         """How a skin differs from those trained on, and whether touches can be named there.
 
-        Sets that hold all names are told of, for touches by these people.
+        The message also names sets that would hold all names, for touches by these people.
         """
         one_skin = bool(getattr(self.descriptor, "one_skin", False))
         found = compare_skin(self.trained_on, skin, one_skin=one_skin)
         if self.trust(skin.spacing) < 1.0:
             far = f"taxels {skin.spacing * MM:.3g} mm apart are far from those learnt"
-            found = replace(found, message=f"{found.message}; {far}: names are doubted")
+            message = "; ".join(filter(None, (found.message, f"{far}: names are doubted")))
+            found = replace(found, message=message)
         if self.sets is None or self.coverage is None:
             return found
         now, much = fingerprint(skin), f"sets of names on {skin.part!r} hold all names"

@@ -1,8 +1,7 @@
 """Descriptors: from the samples of a touch to rows of numbers that a classifier learns from.
 
-What classifiers may ask to see of a touch, by name: the input kinds of plug-ins.
-
-What the image classifiers see of a touch: the second paper's contact image.
+Plug-ins ask for one of them by name, their input kind. Image classifiers get the second paper's
+contact image.
 """
 
 from __future__ import annotations

@@ -91,7 +91,7 @@ def split_parts(
 ) -> Split:
     """Divide the touches of parts that were recorded, of each recording or skin apart.
 
-    With `by_label` of each label its share, but for a touch.
+    With `by_label` each label gives the same share, to within a touch.
     """
     found = Split((), (), ())
     for part, own in touches:
@@ -99,7 +99,7 @@ def split_parts(
             found.other_parts += (*own,)
             continue
         place = rng.permutation(len(own))
-        if by_label:  # every third or so of those that lie label by label
+        if by_label:  # evenly along a list sorted by label
             order = place[np.argsort(np.array([own[k].label for k in place]), kind="stable")]
             held = np.zeros(len(own), bool)
             held[order] = np.diff(np.ceil(HELD_OUT * np.arange(len(own) + 1))) > 0

@@ -1,6 +1,6 @@
 """A robot: a posable body and the parts of it that carry skin, loaded when asked for.
 
-Joints of a body: how each link hangs on its parent, and the path between two links.
+Joints of a body hang each link on its parent, and give the path between two links.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@
 
 `skinmap evaluate --protocol time`: names, directions, speeds and counts of touches in time.
 
-How wrong direction and speed of strokes are whose truth is known.
+Errors of direction and speed are those of strokes whose truth is known.
 """
 
 from __future__ import annotations

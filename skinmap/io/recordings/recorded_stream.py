@@ -1,6 +1,6 @@
-"""Streams of samples: what one says of itself, and one as it was recorded.
+"""Streams of samples: their descriptions, and streams as they were recorded.
 
-Content of a recording, second by second, to be read at once whatever its length.
+An overview holds a recording second by second, so that one of any length is read at once.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Types are named in short, `std_msgs/String`. rosbags is imported when a message is written or read.
 
-Messages of ROS 2 as bytes: transforms, clouds of points, markers, joint angles, texts.
+Transforms, clouds of points, markers, joint angles and texts are made as bytes.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""A touch with its name, what the viewer shows and the commands print; and what has happened.
+"""A touch with its name, as the viewer and the commands show it, and the events of touches.
 
-A moment of the skin: what the loop hands to a viewer, a publisher or a command.
+A moment of the skin holds all that the loop hands to a viewer, a publisher or a command.
 """
 
 from __future__ import annotations

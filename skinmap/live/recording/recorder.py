@@ -1,6 +1,6 @@
 """Recording while it happens: a bounded queue, a thread that writes, files that rotate.
 
-A source whose samples are recorded on their way, and recording without anything else.
+A tap records the samples of a source on their way to a loop; `record` needs no loop.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 Files of response calibrations, read through a group of entry points.
 
-What of a stream of pressures is a touch: by the rest that each taxel shows by itself.
+A gate tells touches in a stream of pressures from the rest that each taxel shows by itself.
 """
 
 from __future__ import annotations

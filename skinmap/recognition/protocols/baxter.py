@@ -4,7 +4,7 @@ A. Albini, S. Denei and G. Cannata, "Human hand recognition from robotic skin me
 human-robot physical interactions", IROS 2017: 70 % of the images train, K and the network's
 training are tuned by 5-fold cross-validation on these, ten random repeats.
 
-The methods that the second paper's protocol compares, and how each is tuned.
+The protocol compares these methods, and each is tuned.
 
 Simulated contact images: human hands against all else. People and actions are the paper's: 43
 people, 17 to 22 cm of hand, 19 % of them left-handed, grip an arm in seven ways from each of two
