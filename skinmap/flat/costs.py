@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 from scipy.special import stdtrit
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
@@ -19,7 +20,7 @@ from skinmap.errors import check_known
 from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.flat_map import Chart, FlatMap
 from skinmap.flat.flat_rows import ComparedRow, PatchRow, WorstFace
-from skinmap.geometry.topology import border_edges, boundary_loops
+from skinmap.geometry.topology import border_edges, boundary_loops, half_edges
 from skinmap.geometry.triangles import cross_products, face_areas, pair_lengths, signed_areas
 from skinmap.rows import shallow
 
@@ -231,6 +232,7 @@ SECONDS_A_VERTEX = 3.5e-7  # of one way between a pair, on meshes of 3,000 to 17
 BUDGET = 1.5  # seconds for the ways of one map, by the figure above (never by the clock)
 TRIES = 8  # drawn for each pair that is wanted, at most: on a narrow ring few lines are free
 ON_BORDER = 1e-9  # of the map's size: a line along the border counts as inside
+APART = 1e-6  # of the edges there: both sides of a seam without a gap are drawn apart so far
 CONFIDENCE = 0.95
 ROUNDING = 1e-7  # exact geodesics are sums of square roots: half of the digits are left
 
@@ -319,9 +321,9 @@ class _Lines:
     def __init__(self, uv: FloatArray, faces: IntArray) -> None:
         import shapely
 
-        self.uv = uv
+        self.uv, self._places = uv, _slits_opened(uv, faces)
         rings = sorted(
-            (uv[loop] for loop in boundary_loops(faces)),
+            (self._places[loop] for loop in boundary_loops(faces)),
             key=lambda ring: -float(np.ptp(ring, axis=0).max()),
         )
         shape = shapely.make_valid(shapely.Polygon(rings[0], rings[1:]))
@@ -332,8 +334,23 @@ class _Lines:
         """(k,) whether the segments between vertices stay inside."""
         import shapely
 
-        segments = shapely.linestrings(np.stack([self.uv[starts], self.uv[ends]], axis=1))
+        places = self._places
+        segments = shapely.linestrings(np.stack([places[starts], places[ends]], axis=1))
         return np.asarray(shapely.covers(self._shape, segments), dtype=bool)
+
+
+def _slits_opened(uv: FloatArray, faces: IntArray) -> FloatArray:
+    """Places (n, 2) of vertices, those at one place drawn apart a little, each into its own side.
+
+    Lines across a seam whose sides meet on the map would count as inside.
+    """
+    near = 2.0 * ON_BORDER * float(np.ptp(uv, axis=0).max())
+    double = np.unique(cKDTree(uv).query_pairs(near, output_type="ndarray"))
+    pairs, places = half_edges(faces), uv.copy()
+    for a, b in (pairs.T, pairs.T[::-1]):
+        moved = np.isin(a, double)
+        np.add.at(places, a[moved], APART * (uv[b[moved]] - uv[a[moved]]))
+    return places
 
 
 @dataclass(slots=True)

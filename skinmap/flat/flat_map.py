@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import FlatteningError, InvalidArrayError, SkinWarning
 from skinmap.flat.atlas import Laid, arrange, limb_frame, turn_upright
+from skinmap.flat.dirichlet import at_best_size, symmetric_dirichlet_descent
+from skinmap.flat.disc import Disc
 from skinmap.flat.distortion import Distortion, edge_rms, measure_distortion
 from skinmap.flat.methods import (
     DEFAULT,
@@ -29,7 +31,8 @@ from skinmap.flat.periodic import periodic_map, tube_rims
 from skinmap.flat.seam_choice import Divided, add_seams, seam_of_touches
 from skinmap.flat.seams import CutMesh, open_surface, price_of, rims_and_holes, touch_counts
 from skinmap.geometry.raster import enclosing_triangles
-from skinmap.geometry.topology import check_surface, edges
+from skinmap.geometry.topology import check_surface, edges, loops_by_length
+from skinmap.geometry.triangles import signed_areas
 from skinmap.skin.normals import along_line
 from skinmap.skin.skin import svg_picture
 from skinmap.summary import Drawable, Summary, listed
@@ -38,6 +41,7 @@ from skinmap.surface.surface_mesh import SurfaceMesh
 STRETCHING = ("tutte", "harmonic", "lscm", "bff", "fast")  # methods that do not keep lengths
 STRETCHED, SLIT = 0.5, 4.5  # error of edges that is warned of, and the energy that mends it
 BULGE, WORTH = 0.2, 0.02  # curvature of a rim [rad], and the edge error that a seam to it saves
+UNCUT = 1e-3  # edge error that closing a seam may add
 ISOMETRY = 4.0  # symmetric Dirichlet energy of a map without distortion
 
 __all__ = ["DEFAULT", "HOLE_SHARE", "Chart", "FlatMap", "flatten", "flatten_disc"]
@@ -56,7 +60,7 @@ class Chart(Summary):
     faces : (m, 3) int
         Chart vertices.
     uv : (k, 2) float
-        Packed beside the other charts [m].
+        Packed beside the other charts, of the area of the skin [m].
     distortion : Distortion
     method : str
         The method that made it.
@@ -374,12 +378,18 @@ def _flatten_patch(
     where = f"patch {patch} of {mesh.skin.part!r}"
     started = time.process_time()
     check_surface(faces)
-    opened = _rolled_out(vertices, faces, where) if cutting.periodic else None
+    how = {**how, "where": where}
+    asked = np.isin(cutting.cuts, taxels).all(axis=1).any()
+    opened = None if asked else _uncut(vertices, faces, cutting, how)
+    if opened is None and cutting.periodic:
+        opened = _rolled_out(vertices, faces, where)
     if opened is None:
-        opened = _opened(vertices, faces, taxels, cutting, {**how, "where": where})
+        opened = _opened(vertices, faces, taxels, cutting, how)
     seconds = time.process_time() - started
     cut, flat = opened.cut, opened.flat
     distortion = measure_distortion(vertices[cut.origin], cut.faces, flat.uv)
+    # Conformal maps keep the length of the border, not the size of the skin.
+    size = np.sqrt(distortion.face_areas.sum() / signed_areas(flat.uv, cut.faces).sum())
     keeps = flat.method not in STRETCHING and cutting.max_distortion is None
     if keeps and distortion.edge_rms > STRETCHED:
         warnings.warn(
@@ -392,7 +402,7 @@ def _flatten_patch(
         patch,
         taxels[cut.origin],
         cut.faces,
-        flat.uv,
+        size * flat.uv,
         distortion,
         flat.method,
         flat.fallback,
@@ -403,6 +413,39 @@ def _flatten_patch(
         opened.periodic,
         opened.divided,
     )
+
+
+def _uncut(
+    vertices: FloatArray, faces: IntArray, cutting: _Cutting, how: Mapping[str, Any]
+) -> _Opened | None:
+    """A patch with wide holes that lies flat as it is; None for what a seam helps, and for discs.
+
+    Cut open and laid flat, both sides of its seams nearly meet: they become one again.
+    """
+    n_rims = len(rims_and_holes(vertices, faces, HOLE_SHARE)[0])
+    # What fills a rim that is cut out of a flat patch has no curvature; of a tube, 2 pi.
+    if n_rims < 2 or len(rims_and_holes(vertices, faces, np.inf, BULGE)[0]) > 1:
+        return None
+    cut = open_surface(vertices, faces, hole_share=HOLE_SHARE)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SkinWarning)
+        flat = map_disc(vertices[cut.origin], cut.faces, **how)
+    copies = np.bincount(cut.origin)
+    uv = np.column_stack([np.bincount(cut.origin, one) / copies for one in flat.uv.T])
+    loops = loops_by_length(vertices, faces)
+    disc = Disc(vertices, faces, loops[0])
+    if flat.fallback or not disc.is_injective(uv):
+        return None
+    uv = symmetric_dirichlet_descent(disc, at_best_size(disc, uv))
+    found = measure_distortion(vertices, faces, uv)
+    most = edge_rms(vertices[cut.origin], cut.faces, flat.uv) + UNCUT
+    if found.edge_rms > most or found.mean_energy > (cutting.max_distortion or np.inf):
+        return None
+    if disc.overlaps(uv):
+        return None
+    whole = CutMesh(faces, np.arange(len(vertices)), 0.0)
+    divided = cutting.touches and Divided(len(cutting.touches), 0, 0, float("nan"))
+    return _Opened(whole, replace(flat, uv=uv, holes=len(loops) - 1), divided or None)
 
 
 def _rolled_out(vertices: FloatArray, faces: IntArray, where: str) -> _Opened | None:

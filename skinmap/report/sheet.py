@@ -94,6 +94,7 @@ HEAD, FOOT = 9.0, 14.0  # room for the title and the scale bar [mm]
 GAP = 6.0  # between charts [mm]
 BAR = 100.0  # length of the scale bar [mm]
 MOST_PAGES = 400
+STRETCHED = 0.05  # error of a length between neighbours from which a sheet states the errors
 LONE = 4.0  # as pitch of a taxel that has no neighbour [mm]
 
 
@@ -142,11 +143,22 @@ def sheets(name: str, maps: Mapping[str, FlatMap]) -> list[Drawing]:
         title = f"{name}, {part}" if part != name else name
         if len(lost):
             title += f" (without a place: {first_few(lost.tolist())})"
-        pages += [(title, shapes) for shapes in _part_pages(cutouts, width, height)]
+        pages += [
+            (title, [*_errors(flat), *shapes]) for shapes in _part_pages(cutouts, width, height)
+        ]
     return [
         Drawing(*PAPER, [*_frame(title, number, len(pages)), *shapes])
         for number, (title, shapes) in enumerate(pages, 1)
     ]
+
+
+def _errors(flat: FlatMap) -> Iterator[Words]:
+    """A line below the title of a map that lengths cannot be taken from."""
+    off = np.abs(np.concatenate([chart.distortion.edge_strain for chart in flat.charts]))
+    if off.max() > STRETCHED:
+        middle, worst = 100.0 * np.median(off), 100.0 * off.max()
+        words = f"lengths between neighbours: {middle:.1f} % off (median), {worst:.0f} % at worst"
+        yield Words(MARGIN, MARGIN + 7.6, words, 2.6, layer="title")
 
 
 def _cutout(flat: FlatMap, chart: Chart) -> Cutout:
@@ -251,8 +263,8 @@ def _tile_pages(one: Cutout, width: float, height: float) -> Iterator[list[Shape
                 continue
             corners = _on_page(np.asarray(tile.exterior.coords)[:-1], (-x, y + height))
             cut = Stroke(corners, colour="#999999", width=0.1, closed=True, layer="cut")
-            x0, y0 = PAPER[0] - MARGIN, PAPER[1] - MARGIN - 3.0
-            yield [cut, *shapes, Words(x0, y0, f"{place}; cut along the grey frame", 2.6, "end")]
+            words = f"{place}; cut along the grey frame"
+            yield [cut, *shapes, Words(MARGIN, PAPER[1] - MARGIN - 9.5, words, 2.6)]
 
 
 def _on_page(points: FloatArray, shift: tuple[float, float]) -> FloatArray:

@@ -19,6 +19,7 @@ GREY = "#b4bac1"
 COLOURS = 40  # structures with a colour of their own; more could not be distinguished
 COLUMNS = 12
 TOUCHES, SAMPLES = 6, 400  # of each gesture, and of what they read: for codewords
+LEAST = 10.0  # of what a panel shows, wide and high [mm]: one taxel has no size
 BARS = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)  # mm
 CELL = np.array([2.1, 2.5])  # of a structure, in its reaches: wide, high with its words
 
@@ -73,10 +74,10 @@ def codewords_figure(
         heart[members] = book.words[s, word[members], 0]
     figure = plain_figure((13.0, 9.0))
     top, bottom = figure.subfigures(2, 1, height_ratios=[5.2, 3.8])
-    _draw_words(top.subplots(), found, book)
+    _draw_words(top.subplots(), found, book, found.labels[own])
     top.suptitle(
-        f"codewords (rows) of the commonest structures (columns), of {len(samples)} simulated "
-        f"samples of {name}; dark: pressed",
+        f"codewords (rows) of the commonest structures of {name} (columns, with number of taxels), "
+        f"of {len(samples)} simulated samples; dark: pressed",
         fontsize=11,
     )
     heads = ("a touch: pressure", "its codewords: pressure of the middle", "number of the codeword")
@@ -85,21 +86,25 @@ def codewords_figure(
         bottom.subplots(1, 3), heads, (widest[0], heart, word), strict=True
     ):
         shown = values[own]
-        colours = "magma_r" if values is not word else "tab10"
-        most = 1.0 if values is not word else 9.5
-        axis.scatter(
-            *uv.T, s=16, edgecolors=GREY, linewidths=0.3, c=shown, cmap=colours, vmin=0.0, vmax=most
-        )
+        ends = {"cmap": "magma_r", "vmin": 0.0, "vmax": 1.0}
+        if values is word:
+            ends = {"cmap": "tab10", "vmin": -0.5, "vmax": 9.5}
+        dots = axis.scatter(*uv.T, s=16, edgecolors=GREY, linewidths=0.3, c=shown, **ends)
+        key = bottom.colorbar(dots, ax=axis, shrink=0.6)
+        if values is word:
+            key.set_ticks(range(book.words.shape[1]))
+            key.ax.set_ylim(-0.5, book.words.shape[1] - 0.5)
         axis.set_title(head, fontsize=9)
         axis.set_aspect("equal")
         axis.set_axis_off()
     save_figure(figure, path)
 
 
-def _draw_words(axis: Any, found: Structures, book: Codebook) -> None:
-    """Draw the words of the commonest structures, each as its middle and its neighbours."""
+def _draw_words(axis: Any, found: Structures, book: Codebook, labels: IntArray) -> None:
+    """Draw the words of the commonest labels, each as its middle and its neighbours."""
     shapes = found.prototypes
-    common = np.argsort(-found.counts, kind="stable")[:COLUMNS]
+    counts = np.bincount(labels[labels >= 0], minlength=len(shapes))
+    common = np.argsort(-counts, kind="stable")[: min(COLUMNS, np.count_nonzero(counts))]
     reach = 1.15 * float(np.linalg.norm(shapes.offsets, axis=2).max(initial=1e-3)) * MM
     for column, s in enumerate(common.tolist()):
         around = np.concatenate([[[0.0, 0.0]], shapes.offsets[s][shapes.filled[s]] * MM])
@@ -110,7 +115,9 @@ def _draw_words(axis: Any, found: Structures, book: Codebook) -> None:
             levels = word[: len(around)]
             axis.scatter(x, y, s=30, c=levels, cmap="magma_r", vmin=0.0, vmax=1.0,
                          edgecolors=GREY, linewidths=0.5)  # fmt: skip
-        axis.text(2.7 * column * reach, 1.2 * reach, f"{s}: {found.counts[s]}", ha="center")
+        axis.text(2.7 * column * reach, 1.2 * reach, f"{s}: {counts[s]}", ha="center")
+    for row in range(book.words.shape[1]):
+        axis.text(-1.7 * reach, -2.1 * row * reach, f"{row}", ha="center", va="center")
     axis.set_aspect("equal")
     axis.set_axis_off()
 
@@ -153,6 +160,9 @@ def _draw_members(axis: Any, places: FloatArray, labels: IntArray, palette: Floa
     axis.scatter(*places[~known].T, s=7, color=GREY, marker="x", zorder=3)
     axis.set_aspect("equal")
     axis.autoscale_view()
+    for low, high, setter in ((*axis.get_xlim(), axis.set_xlim), (*axis.get_ylim(), axis.set_ylim)):
+        middle, half = 0.5 * (low + high), 0.5 * max(high - low, LEAST)
+        setter(middle - half, middle + half)
     axis.set_axis_off()
     _draw_bar(axis)
 
@@ -161,7 +171,8 @@ def _draw_bar(axis: Any) -> None:
     """A bar of a round length [mm] below the left corner of what is drawn."""
     (left, right), (low, high) = axis.get_xlim(), axis.get_ylim()
     length = max(one for one in BARS if one <= max(0.15 * (right - left), BARS[0]))
-    below = low - 0.02 * (high - low)
+    step = 0.02 * max(high - low, right - left)
+    below = low - step
     axis.plot([left, left + length], [below, below], color="black", linewidth=1.5, clip_on=False)
     label = f"{length:g} mm"
-    axis.text(left, below - 0.01 * (high - low), label, fontsize=7, va="top")
+    axis.text(left, below - 0.5 * step, label, fontsize=7, va="top")

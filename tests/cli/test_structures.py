@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 
+import numpy as np
 import pytest
 import trimesh
 from click.testing import CliRunner
@@ -11,6 +12,7 @@ from click.testing import CliRunner
 import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import SkinWarning
+from skinmap.report import structure_figures
 
 
 def run(*arguments: str):
@@ -61,6 +63,43 @@ def test_pictures_are_written_beside_the_numbers(tmp_path):
     for path in (tmp_path / "out").iterdir():
         assert path.read_bytes().startswith(b"\x89PNG")
         assert path.name in result.output
+
+
+def test_pictures_of_unlike_parts_have_room_bars_beside_taxels_and_keys(tmp_path, monkeypatch):
+    parts = {
+        "pad": [(4.0 * i, 4.0 * j + 2.0 * (i % 2)) for i in range(10) for j in range(10)],
+        "tip": [(0.0, 0.0)],
+        "band": [(4.0 * i, 4.0 * j) for i in range(60) for j in range(3)],
+    }
+    text = '[robot]\nname = "mixed"\nmesh = "plate.stl"\n'
+    for name, places in parts.items():
+        rows = [f"{k},0,{x},{y},0,0,0,1" for k, (x, y) in enumerate(places)]
+        lines = ["channel,module,x,y,z,nx,ny,nz", *rows]
+        (tmp_path / f"{name}.csv").write_text("\n".join(lines) + "\n")
+        text += f'[[part]]\nname = "{name}"\nlink = "body"\ntaxels = "{name}.csv"\nunits = "mm"\n'
+    trimesh.creation.box((0.5, 0.5, 1e-3)).export(tmp_path / "plate.stl")
+    (tmp_path / "mixed.toml").write_text(text)
+    drawn, save = {}, structure_figures.save_figure
+    monkeypatch.setattr(
+        structure_figures,
+        "save_figure",
+        lambda figure, path: (drawn.update({path.name: figure}), save(figure, path)),
+    )
+    result = run(str(tmp_path / "mixed.toml"), "--out", str(tmp_path / "out"))
+    assert result.exit_code == 0, result.output
+    panels = drawn["structures.png"].axes[1:]
+    assert [panel.get_title() for panel in panels] == list(parts)
+    for panel in panels:
+        assert min(np.ptp(panel.get_xlim()), np.ptp(panel.get_ylim())) >= 9.99
+        low = min(y for dots in panel.collections for _, y in dots.get_offsets().tolist())
+        (bar,) = panel.lines
+        assert bar.get_ydata()[0] < low - 0.01 * np.ptp(panel.get_xlim())
+        assert np.ptp(bar.get_xdata()) < 0.5 * np.ptp(panel.get_xlim())
+    words, *maps = drawn["codewords.png"].axes
+    assert len(maps) == 6  # each with its key
+    heads = [one.get_text() for one in words.texts if ":" in one.get_text()]
+    assert sum(int(head.split(": ")[1]) for head in heads) <= len(parts["band"])
+    assert not any(head.endswith(": 0") for head in heads)
 
 
 @pytest.mark.parametrize(

@@ -126,6 +126,21 @@ def test_small_holes_are_filled_for_the_solve_and_open_in_the_map(square_grid):
     np.testing.assert_allclose(ratio, 1.0, atol=0.01)
 
 
+@pytest.mark.parametrize("bend", [0.0, 1.5])
+@pytest.mark.parametrize("periodic", [False, True])
+def test_a_plate_with_a_wide_hole_lies_flat_uncut(square_grid, bend, periodic):
+    vertices, faces = square_grid(13)
+    faces = faces[(np.abs(vertices[faces][:, :, :2] - 0.5) > 0.26).any(axis=(1, 2))]
+    angle = bend * vertices[:, 0]
+    if bend:
+        vertices = np.column_stack([np.sin(angle), bend * vertices[:, 1], np.cos(angle)]) / bend
+    (chart,) = flatten_mesh(vertices, faces, periodic=periodic).charts
+    assert (chart.seam_length, chart.holes, chart.periodic) == (0.0, 1, False)
+    assert len(np.unique(chart.taxels)) == len(chart.taxels)
+    assert chart.distortion.flips == 0
+    assert chart.distortion.edge_rms < 1e-3
+
+
 def test_doubled_vertices_share_taxel_and_value():
     vertices, _ = tube(24, 12, 0.04, 0.1)
     mesh = build_surface(skin_from_points(vertices, vertices * [1, 1, 0] / 0.04))

@@ -6,6 +6,7 @@ import pytest
 from skinmap.flat import costs
 from skinmap.flat.costs import _Lines
 from skinmap.flat.methods import flatten_disc
+from skinmap.flat.seams import open_surface
 
 
 def geodesic_stress(vertices, faces, uv, *, seed=0, exact=False):
@@ -40,6 +41,20 @@ def test_a_notch_does_not_count(square_grid):
     free = _Lines(uv, horseshoe).free(np.full(len(uv), corner), every)
     assert not free[other]
     assert free[int(np.argmin(np.linalg.norm(uv, axis=1)))]  # straight down along the border
+
+
+def test_lines_across_a_seam_that_closes_on_the_map_do_not_count(square_grid):
+    vertices, faces = square_grid(13)
+    faces = faces[(np.abs(vertices[faces][:, :, :2] - 0.5) > 0.26).any(axis=(1, 2))]
+    used, compact = np.unique(faces, return_inverse=True)
+    points = vertices[used]
+    cut = open_surface(points, compact.reshape(-1, 3), hole_share=0.1)
+    assert cut.seam_length > 0.0
+    own = points[cut.origin]
+    assert geodesic_stress(own, cut.faces, own[:, :2], exact=True) < 1e-6
+    everyone = np.arange(len(own))
+    free = _Lines(own[:, :2], cut.faces).free(np.full(len(own), int(cut.faces[0, 0])), everyone)
+    assert free.mean() > 0.3
 
 
 def test_stress_of_a_stretch_has_its_closed_form(square_grid):

@@ -17,6 +17,8 @@ from scipy.spatial import cKDTree
 import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError
+from skinmap.flat.mesh_charts import flatten_mesh
+from skinmap.geometry.triangles import pair_lengths, signed_areas
 from skinmap.report.sheet import sheets
 from skinmap.skin.skin import Skin
 
@@ -91,6 +93,23 @@ def test_taxels_at_one_place_share_its_mark_with_both_channels(square_grid):
     assert sorted(named) == sorted(["6, 25", *(str(k) for k in range(25) if k != 6)])
 
 
+@pytest.mark.parametrize("method", ["bff", "balanced"])
+def test_sheet_of_a_bulging_skin_has_its_area_and_states_the_errors_of_lengths(sphere, method):
+    vertices, faces = sphere
+    bowl = faces[(vertices[faces][:, :, 2] > -0.5).all(axis=1)]
+    flat = flatten_mesh(0.05 * vertices, bowl, method=method)
+    (chart,) = flat.charts
+    own = chart.distortion
+    assert signed_areas(chart.uv, chart.faces).sum() == pytest.approx(own.face_areas.sum())
+    np.testing.assert_allclose(
+        pair_lengths(chart.uv, own.edges), (1.0 + own.edge_strain) * own.edge_lengths
+    )
+    (drawing,) = sheets("bowl", {"bowl": flat})
+    off = 100.0 * np.abs(own.edge_strain)
+    words = f"neighbours: {np.median(off):.1f} % off (median), {off.max():.0f} % at worst"
+    assert any(words in getattr(one, "text", "") for one in drawing.shapes)
+
+
 def test_sheet_svg_is_as_large_as_its_unit_promises(forearm):
     root = etree.parse(forearm / "sheet.svg").getroot()
     assert (root.get("width"), root.get("height")) == ("210mm", "297mm")
@@ -145,6 +164,9 @@ def test_sheet_of_a_large_map_goes_over_several_pages(tmp_path):
     pages = [marks(Path(one)) for one in made]
     channels = [channel for _, texts in pages for channel in texts]
     assert sorted(channels) == list(range(count**2))
+    foot = [one for one in etree.parse(made[0]).getroot().iter(f"{SVG}text") if one.text[0] in "c1"]
+    height = {one.text.split()[0]: float(one.get("y")) for one in foot if " " in one.text}
+    assert height["column"] < height["100"] - 5.0  # beside each other they would overlap
     for circles, _ in pages:
         assert (circles >= 0).all()
         assert (circles <= (210.0, 297.0)).all()
