@@ -910,3 +910,15 @@ def test_channels_between_rows_without_a_number_are_judged_and_three_sure_labels
     assert not bad.any()
     chances = [_tail(wrong, count, MISTAKEN) for wrong, count in ((3, 48), (2, 48), (1, 40))]
     assert chances[0] < DOUBTED < min(chances[1:])
+
+
+def test_sessions_of_a_hand_that_seldom_rests_do_not_differ_by_what_it_holds():
+    rows = np.arange(3000)
+    events = np.where(rows % 150 < 60, rows // 150, -1)
+    days = tuple(np.repeat(("mon", "tue", "wed", "thu"), 5))
+    several = [replace(glove(seed), events=events, sessions=days) for seed in range(6)]
+    assert not any(one.kind == "rest" for own in several for one in examine_track(own)[0].findings)
+    offset = 600 * np.random.default_rng(1).choice([0, 1], (4, 120))[rows // 750]
+    moved = [replace(one, values=one.values + offset) for one in several]
+    found = [one.text for own in moved for one in examine_track(own)[0].findings]
+    assert sum("sessions" in one for one in found) >= 4
