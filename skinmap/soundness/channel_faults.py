@@ -19,6 +19,7 @@ TOGETHER = 0.8  # share of their rows in which channels that hang together both 
 MANY = 20  # findings of the same kind, or pairs of channels
 SAME = 0.3  # steps between two means of the same level
 HELD = 0.9  # confidence in a channel that stands still under load
+SILENT = 0.2  # share of the rows of a channel at the floor of the skin: silent at rest
 NOISY = 4.0  # times the noise of the others
 KINDS = 6  # values that a channel must take before its step is judged
 COARSE = 2.9  # times the step of the others
@@ -229,9 +230,12 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         same = [one for one in left if _alike(one, left[0])]
         left = [one for one in left if one not in same]
         faint = same[0][3] == CUT or (same[0][3] == HELD and b - a < 3 * long * survey.cell)
-        if len(same) < MODULE and faint:
-            continue  # chance or a firm hold, but not on several channels to the row
         channels = np.array(sorted(one[2] for one in same))
+        if faint:  # chance or a firm hold, but not on several channels to the row
+            sets = [channels[(channels >= a) & (channels <= b)] for a, b in spans_of(channels, 4)]
+            channels = np.array([c for own in sets if len(own) >= MODULE for c in own], np.int64)
+            if len(channels) == 0:
+                continue
         bad[channels] = True
         # All of a module stop and go on together; each may have stood still a little longer.
         span = [[max(one[0] for one in same), min(one[1] for one in same)]]
@@ -295,12 +299,16 @@ def _stops(
     least = max(float(survey.floor[channel]), 6.0 * survey.quantum, 0.1 * span)
     far = (away if survey.rising else -away) > least
     lasting = 0
+    ends = survey.low.min(axis=0) if survey.rising else survey.high.max(axis=0)
+    floor = np.median(ends)  # of a skin that is silent at rest
+    floor = floor if (survey.column(channel) == floor).mean() > SILENT else np.nan
     for first, last in spans_of(np.flatnonzero(quiet)):
         length = last - first + 1
         if length < 3 or length * survey.cell < max(40, 0.03 * survey.count):
             continue
         # Noise around a rest below the least value of a type is cut off there, and rare.
         cut = survey.track.values.dtype.kind == "u" and own[first + 1] == 0
+        idle = own[first + 1] == floor and not _ignored(survey, channel, first, last)
         apart = np.ones(len(changes), bool)
         apart[max(first - 1, 0) : last + 2] = False
         # Noise of less than a step shows at some levels only: cells at the same one are asked.
@@ -314,13 +322,29 @@ def _stops(
         calmest = float((total[window:] - total[:-window]).min() / window)
         expected = calmest * length * survey.cell
         if expected > SURE:
-            found.append((first, last, CUT if cut and expected < FAR * SURE else 0.99))
+            found.append((first, last, CUT if idle or (cut and expected < FAR * SURE) else 0.99))
         elif far[first : last + 1].all() and length > 3 * max(holds, 3):
             again = spans_of(np.flatnonzero(quiet & (own == own[first + 1])), join=2)
             lasting += 1
             if len(again) == 1 and length * survey.cell > 30:  # a rest is come back to
                 found.append((first, last, HELD))
     return found if lasting <= 2 else [one for one in found if one[2] != HELD]
+
+
+def _asked(survey: Survey, channel: int, usable: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(k,) Cells in which most of the usable channels beside one are touched."""
+    beside = neighbours(survey, channel, 4 if survey.track.places is not None else 2)
+    beside = beside[usable[beside]]
+    return np.asarray(survey.touched[:, beside].sum(axis=1) >= max(AROUND * len(beside), 2))
+
+
+def _ignored(survey: Survey, channel: int, first: int, last: int) -> bool:
+    """Whether a channel leaves touches around it without an answer in some cells only."""
+    spans = spans_of(np.flatnonzero(_asked(survey, channel, ~survey.constant)), join=2)
+    inside = sum(first <= a and b <= last for a, b in spans)
+    other = [survey.touched[a : b + 1, channel].any() for a, b in spans if b < first or a > last]
+    missed = max(1.0 - sum(other) / max(len(other), 1), 0.1)
+    return bool(missed**inside < DOUBT)
 
 
 def _exact(survey: Survey, channel: int, first: int, last: int) -> tuple[int, int]:
@@ -650,14 +674,9 @@ def _mute(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     if len(silent) == 0 or len(others) < 3:
         return []
 
-    def asked(channel: int) -> NDArray[np.bool_]:
-        beside = neighbours(survey, channel, 4 if survey.track.places is not None else 2)
-        beside = beside[usable[beside]]
-        return np.asarray(survey.touched[:, beside].sum(axis=1) >= max(AROUND * len(beside), 2))
-
     shares = []
     for channel in others[np.unique(np.linspace(0, len(others) - 1, MOST_ASKED).astype(int))]:
-        spans = spans_of(np.flatnonzero(asked(int(channel))), join=2)
+        spans = spans_of(np.flatnonzero(_asked(survey, int(channel), usable)), join=2)
         if len(spans) >= 3:
             answers = [survey.touched[a : b + 1, channel].any() for a, b in spans]
             shares.append(float(np.mean(answers)))
@@ -667,7 +686,7 @@ def _mute(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     found: list[int] = []
     sure: list[float] = []
     for channel in silent.tolist():
-        load, own = asked(channel), survey.response[:, channel]
+        load, own = _asked(survey, channel, usable), survey.response[:, channel]
         chance = survey.width * missed ** len(spans_of(np.flatnonzero(load), join=2))
         # A weak channel, or one at the edge of each touch, still moves with those beside it.
         if chance < DOUBT and _apart(own[load], own[~load]) < 4.0:

@@ -36,7 +36,9 @@ def rest_faults(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         6.0 * survey.noise[lively] / np.sqrt(survey.cell), max(1.2 * survey.quantum, 0.05 * span)
     )
     # Loads that are held hide a drift of all in each channel, not in most of them.
-    common = _moves(np.median(level, axis=1, keepdims=True), np.median(least))
+    # What channels of a skin that is seldom at rest come back by, all may move by as well.
+    held = BEYOND * np.median(_back(level))
+    common = _moves(np.median(level, axis=1, keepdims=True), max(np.median(least), held))
     slow, sudden = common if np.any(common) else _moves(level, least)
     slow, sudden = (np.broadcast_to(one, len(lively)) for one in (slow, sudden))
     found = []
@@ -52,6 +54,12 @@ def rest_faults(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     return found
 
 
+def _back(level: FloatArray) -> FloatArray:
+    """(n,) How far levels (p, n) come back on their way from begin to end."""
+    way = np.abs(np.diff(level, axis=0)).sum(axis=0)
+    return np.asarray((way - np.abs(level[-1] - level[0])) / 2.0)
+
+
 def _moves(level: FloatArray, least: Any) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """Channels (n,) of which levels (p, n) drift by at least so much, and of which they step."""
     change = np.diff(level, axis=0)
@@ -59,7 +67,7 @@ def _moves(level: FloatArray, least: Any) -> tuple[NDArray[np.bool_], NDArray[np
     reach = np.ptp(level, axis=0)
     rough = np.abs(change).sum(axis=0)
     # A skin that is seldom at rest (a glove, a mat) shows the loads that it holds.
-    limit = np.maximum(least, BEYOND * np.percentile((rough - total) / 2.0, HELD))
+    limit = np.maximum(least, BEYOND * np.percentile(_back(level), HELD))
     moved = (reach > limit) & (rough < 1.8 * reach) & (total > 0.6 * reach)
     pair = np.abs(change[:-1]) + np.abs(change[1:])
     apart = np.abs(np.median(level[-3:], axis=0) - np.median(level[:3], axis=0))
@@ -155,24 +163,23 @@ def session_offsets(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
             continue
         inside = survey.mean[calm][:, lively]
         rests.append(np.percentile(inside, share, axis=0))
-        third = -(-len(inside) // 3)
-        edges.append(
-            [np.percentile(one, share, axis=0) for one in (inside[:third], inside[-third:])]
-        )
+        edges.append([np.percentile(x, share, axis=0) for x in np.array_split(inside, 3)])
         names.append(name)
         where.append([first, last])
     if len(rests) < 2:
         return []
     level = np.array(rests)
     step, between = np.array(
-        [(edges[b][0] - edges[a][1], level[b] - level[a]) for a, b in pairwise(range(len(level)))]
+        [(edges[b][0] - edges[a][-1], level[b] - level[a]) for a, b in pairwise(range(len(level)))]
     ).transpose(1, 0, 2)
     if np.abs(step).sum() < STEP * np.abs(between).sum():  # it drifts
         return []
     usual = np.median(level, axis=0)
     span = np.median(survey.span[lively])
     limit = np.maximum(0.03 * span, 6.0 * survey.noise[lively] / np.sqrt(survey.cell))
-    limit = np.maximum(limit, 1.2 * survey.quantum)
+    # As a skin that is seldom at rest moves within a session, so it does between two.
+    inside = np.median(np.ptp(edges, axis=1), axis=0)
+    limit = np.maximum(np.maximum(limit, 1.2 * survey.quantum), np.percentile(inside, HELD))
     off = np.abs(level - usual) > limit
     which = np.flatnonzero(off.mean(axis=1) > 0.1)
     if len(which) == 0:

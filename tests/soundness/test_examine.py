@@ -910,3 +910,26 @@ def test_channels_between_rows_without_a_number_are_judged_and_three_sure_labels
     assert not bad.any()
     chances = [_tail(wrong, count, MISTAKEN) for wrong, count in ((3, 48), (2, 48), (1, 40))]
     assert chances[0] < DOUBTED < min(chances[1:])
+
+
+def test_sessions_of_a_hand_that_seldom_rests_do_not_differ_by_what_it_holds():
+    rows = np.arange(3000)
+    events = np.where(rows % 150 < 60, rows // 150, -1)
+    days = tuple(np.repeat(("mon", "tue", "wed", "thu"), 5))
+    several = [replace(glove(seed), events=events, sessions=days) for seed in range(6)]
+    assert not any(one.kind == "rest" for own in several for one in examine_track(own)[0].findings)
+    offset = 600 * np.random.default_rng(1).choice([0, 1], (4, 120))[rows // 750]
+    moved = [replace(one, values=one.values + offset) for one in several]
+    found = [one.text for own in moved for one in examine_track(own)[0].findings]
+    assert sum("sessions" in one for one in found) >= 4
+
+
+def test_an_untouched_channel_at_the_floor_of_the_skin_is_not_stuck():
+    load, begins = pressed(80, 12)
+    idle = slice(begins[30], begins[45])
+    load[idle, :60] = 0.0
+    level = np.random.default_rng(2).normal(0, 0.8, load.shape)
+    level[idle, 3] -= 5.0  # its rest drifts below 0, where the converter ends
+    values = (load + level).clip(0).round().astype(int)
+    own = examine_track(Track("silent", values, np.arange(len(load)) / 50))[0].findings
+    assert "stuck" not in [one.kind for one in own]
