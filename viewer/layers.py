@@ -650,13 +650,14 @@ class Pair:
         limits = [one.limits for one in sides if one.unit == layer.unit] or [layer.limits]
         return replace(layer, limits=(min(a for a, _ in limits), max(b for _, b in limits)))
 
-    def touches(self) -> tuple[NamedTouch, ...]:
-        """Touches of the common parts now, with both names and the way between both places."""
-        sides = [
-            () if one.moment is None else [t for t in one.moment.touches if t.part in self.parts]
-            for one in (self.left, self.right)
-        ]
-        return tuple(starmap(moved_touch, paired_touches(*sides)))
+    def touches(self, now: float) -> tuple[NamedTouch, ...]:
+        """Touches of the common parts, for a scene at a time `now` [s].
+
+        They have both names and the way between both places.
+        """
+        sides = (touches_at(one.moment, now) for one in (self.left, self.right))
+        shown = ([touch for touch in side if touch.part in self.parts] for side in sides)
+        return tuple(starmap(moved_touch, paired_touches(*shown)))
 
 
 def common_parts(
@@ -668,6 +669,13 @@ def common_parts(
         for part, skin in left.items()
         if part in right and fingerprint(skin.skin) == fingerprint(right[part].skin)
     )
+
+
+def touches_at(moment: Moment | None, now: float) -> list[NamedTouch]:
+    """Touches of a moment for a scene at a time `now` [s]: they last as long as at their own."""
+    touches = () if moment is None else moment.touches
+    late = 0.0 if moment is None else now - moment.time
+    return [replace(touch, began=touch.began + late) for touch in touches]
 
 
 def paired_touches(left: Sequence[NamedTouch], right: Sequence[NamedTouch]) -> list[Touches]:

@@ -225,7 +225,8 @@ class Scene:
         felt = self.data.felt(moment)
         for part, pressures in felt.items():
             self.layers[part].set_pressures(pressures)
-        self.moment, self.touches = moment, self._touches(touches)
+        self.moment = moment
+        self.touches = self._touches(touches)
         if self.player is None and np.isfinite(moment.time) and not moment.stale:
             self.past.add(replace(moment, pressures=felt, raw={}, block=None))
         self.canvas.status.take(moment)
@@ -294,7 +295,8 @@ class Scene:
         """Touches that the layer shows, of the moment's own."""
         if self.layer.name != "difference" or self.data.pair is None:
             return own
-        return tuple(one for one in self.data.pair.touches() if one.part in self.layers)
+        shown = self.data.pair.touches(self.moment.time)
+        return tuple(one for one in shown if one.part in self.layers)
 
     def set_plot(self, plot: str) -> None:
         """Plot the chosen "taxels" in the panel, or one of `COURSES` of the touches.
