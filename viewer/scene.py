@@ -221,6 +221,11 @@ class Scene:
         touches = check_moment(moment, self.layers)
         if moment.angles and dict(moment.angles) != self.angles:
             self.set_pose(moment.angles)
+        if self.panel is not None and np.isnan(self.moment.time):
+            maps = list(self.panel.flat_maps)  # of a part that the source has, unless one is chosen
+            here = [part for part in maps if part in moment.pressures]
+            if here and self.panel.part == maps[0]:
+                self.show_flat_map(here[0])
         self.data.observe(moment)
         felt = self.data.felt(moment)
         for part, pressures in felt.items():
