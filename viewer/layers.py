@@ -394,17 +394,24 @@ class Layers:
         return categories("health", "health", STATES, colours, state, live=True)
 
     def _patches(self) -> Layer:
-        most = max(
-            (int(skin.patches.max(initial=0)) + 1 for skin in self.skins.values()), default=1
-        )
-        named = min(most, len(CATEGORIES))
-        names = [f"patch {k + 1}" for k in range(named)]
-        if most > named:
-            names[-1] = f"patch {named} and more"
-        table = {}
-        for part, skin in self.skins.items():
-            patch = np.minimum(skin.patches, named - 1).astype(np.float64)
+        """Each patch of all parts in a colour; where these are too few, those of one number share.
+
+        Patches are numbered from 0 in each part.
+        """
+        counts = [int(skin.patches.max(initial=-1)) + 1 for skin in self.skins.values()]
+        apart = len(counts) > 1 and sum(counts) <= len(CATEGORIES)
+        named = min(sum(counts) if apart else max(counts, default=1), len(CATEGORIES))
+        names = [f"patch {k}" for k in range(named)]
+        if apart:
+            each = zip(self.skins, counts, strict=True)
+            names = [f"{part.replace('_', ' ')} {k}" for part, n in each for k in range(n)]
+        elif max(counts, default=0) > named:
+            names[-1] = f"patch {named - 1} and more"
+        table, start = {}, 0
+        for (part, skin), count in zip(self.skins.items(), counts, strict=True):
+            patch = np.minimum(skin.patches + start, named - 1).astype(np.float64)
             table[part] = np.where(skin.patches < 0, float(named), patch)
+            start += count if apart else 0
         colours = (*CATEGORIES[:named], NONE)
         return categories("patches", "patch", (*names, "none"), colours, self._found(table))
 
