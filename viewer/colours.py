@@ -141,8 +141,13 @@ def class_colour(label: str) -> str:
 
 
 def touch_colour(touch: NamedTouch) -> str:
-    """The colour of a touch: of its kind where a model answers that, else of its label."""
-    return class_colour(touch.label if touch.kind is None else touch.kind.answer)
+    """The colour of a touch: of its kind where a model answers that, else of its label.
+
+    One without a name is grey, whatever kind is the likeliest.
+    """
+    if touch.kind is None or touch.label in NO_NAMES:
+        return class_colour(touch.label)
+    return class_colour(touch.kind.answer)
 
 
 def hexed(channels: Iterable[float]) -> str:

@@ -394,17 +394,24 @@ class Layers:
         return categories("health", "health", STATES, colours, state, live=True)
 
     def _patches(self) -> Layer:
-        most = max(
-            (int(skin.patches.max(initial=0)) + 1 for skin in self.skins.values()), default=1
-        )
-        named = min(most, len(CATEGORIES))
-        names = [f"patch {k + 1}" for k in range(named)]
-        if most > named:
-            names[-1] = f"patch {named} and more"
-        table = {}
-        for part, skin in self.skins.items():
-            patch = np.minimum(skin.patches, named - 1).astype(np.float64)
+        """Each patch of all parts in a colour; where these are too few, those of one number share.
+
+        Patches are numbered from 0 in each part.
+        """
+        counts = [int(skin.patches.max(initial=-1)) + 1 for skin in self.skins.values()]
+        apart = len(counts) > 1 and sum(counts) <= len(CATEGORIES)
+        named = min(sum(counts) if apart else max(counts, default=1), len(CATEGORIES))
+        names = [f"patch {k}" for k in range(named)]
+        if apart:
+            each = zip(self.skins, counts, strict=True)
+            names = [f"{part.replace('_', ' ')} {k}" for part, n in each for k in range(n)]
+        elif max(counts, default=0) > named:
+            names[-1] = f"patch {named - 1} and more"
+        table, start = {}, 0
+        for (part, skin), count in zip(self.skins.items(), counts, strict=True):
+            patch = np.minimum(skin.patches + start, named - 1).astype(np.float64)
             table[part] = np.where(skin.patches < 0, float(named), patch)
+            start += count if apart else 0
         colours = (*CATEGORIES[:named], NONE)
         return categories("patches", "patch", (*names, "none"), colours, self._found(table))
 
@@ -650,13 +657,14 @@ class Pair:
         limits = [one.limits for one in sides if one.unit == layer.unit] or [layer.limits]
         return replace(layer, limits=(min(a for a, _ in limits), max(b for _, b in limits)))
 
-    def touches(self) -> tuple[NamedTouch, ...]:
-        """Touches of the common parts now, with both names and the way between both places."""
-        sides = [
-            () if one.moment is None else [t for t in one.moment.touches if t.part in self.parts]
-            for one in (self.left, self.right)
-        ]
-        return tuple(starmap(moved_touch, paired_touches(*sides)))
+    def touches(self, now: float) -> tuple[NamedTouch, ...]:
+        """Touches of the common parts, for a scene at a time `now` [s].
+
+        They have both names and the way between both places.
+        """
+        sides = (touches_at(one.moment, now) for one in (self.left, self.right))
+        shown = ([touch for touch in side if touch.part in self.parts] for side in sides)
+        return tuple(starmap(moved_touch, paired_touches(*shown)))
 
 
 def common_parts(
@@ -668,6 +676,13 @@ def common_parts(
         for part, skin in left.items()
         if part in right and fingerprint(skin.skin) == fingerprint(right[part].skin)
     )
+
+
+def touches_at(moment: Moment | None, now: float) -> list[NamedTouch]:
+    """Touches of a moment for a scene at a time `now` [s]: they last as long as at their own."""
+    touches = () if moment is None else moment.touches
+    late = 0.0 if moment is None else now - moment.time
+    return [replace(touch, began=touch.began + late) for touch in touches]
 
 
 def paired_touches(left: Sequence[NamedTouch], right: Sequence[NamedTouch]) -> list[Touches]:

@@ -221,11 +221,17 @@ class Scene:
         touches = check_moment(moment, self.layers)
         if moment.angles and dict(moment.angles) != self.angles:
             self.set_pose(moment.angles)
+        if self.panel is not None and np.isnan(self.moment.time):
+            maps = list(self.panel.flat_maps)  # of a part that the source has, unless one is chosen
+            here = [part for part in maps if part in moment.pressures]
+            if here and self.panel.part == maps[0]:
+                self.show_flat_map(here[0])
         self.data.observe(moment)
         felt = self.data.felt(moment)
         for part, pressures in felt.items():
             self.layers[part].set_pressures(pressures)
-        self.moment, self.touches = moment, self._touches(touches)
+        self.moment = moment
+        self.touches = self._touches(touches)
         if self.player is None and np.isfinite(moment.time) and not moment.stale:
             self.past.add(replace(moment, pressures=felt, raw={}, block=None))
         self.canvas.status.take(moment)
@@ -294,7 +300,8 @@ class Scene:
         """Touches that the layer shows, of the moment's own."""
         if self.layer.name != "difference" or self.data.pair is None:
             return own
-        return tuple(one for one in self.data.pair.touches() if one.part in self.layers)
+        shown = self.data.pair.touches(self.moment.time)
+        return tuple(one for one in shown if one.part in self.layers)
 
     def set_plot(self, plot: str) -> None:
         """Plot the chosen "taxels" in the panel, or one of `COURSES` of the touches.

@@ -630,7 +630,7 @@ EXPORTS: dict[str, Callable[..., Exported]] = {
 def _lines(result: Exported) -> Iterator[str]:
     if isinstance(result, ExportedTouched):
         count = len(result.recordings)
-        yield f"{count} recording{'s' * (count > 1)}, {result.seconds:,.1f} s"
+        yield f"{count} recording{'s' * (count > 1)}, {result.seconds:,.1f} s of samples"
         for row in result.parts:
             yield (
                 f"{row.name}: {row.taxels} of {row.of} taxels touched, one {row.most} times, "

@@ -318,9 +318,10 @@ def work(path: Path, robot: str | None) -> tuple[RecordingInfo, Counter[str], li
 
 def _lines(info: RecordingInfo, touches: Counter[str], damage: list[str]) -> Iterator[str]:
     rate = float("nan") if info.rate_hz is None else info.rate_hz
+    apart = f", {info.samples / rate:.1f} s of samples" if info.gaps else ""
     yield (
-        f"{info.samples} samples of {info.channels} channels in {info.seconds:.2f} s "
-        f"({rate:.4g} a second), {info.gaps} gaps"
+        f"{info.samples} samples of {info.channels} channels{apart} in {info.seconds:.2f} s "
+        f"({rate:.4g} a second), {info.gaps} gap{'s' * (info.gaps != 1)}"
     )
     taxels = f", {info.skin.taxels} taxels" if info.skin.taxels else ""
     yield f"{info.skin.robot or 'robot unknown'}: {', '.join(info.skin.parts)}{taxels}"

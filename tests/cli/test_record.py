@@ -303,3 +303,15 @@ def test_record_warns_in_a_line_of_a_fault_that_falsifies(tmp_path):
     with pytest.warns(SkinWarning, match="5 and 7 carry the same signal.*skinmap examine"):
         result = CliRunner().invoke(cli, [*words, "-o", str(tmp_path / "t.mcap"), "--speed", "inf"])
     assert result.exit_code == 0, result.output
+
+
+def test_info_of_a_gap_gives_the_seconds_of_samples_beside_those_of_the_clock():
+    from skinmap.cli import info
+
+    skin = info.RecordedSkin(robot="zoo", parts=["plate"], taxels=280, fingerprints={})
+    told = info.RecordingInfo(
+        samples=800, seconds=20.0, channels=280, rate_hz=50.0, gaps=1, recovered=False,
+        lost_seconds=0.0, skin=skin,
+    )  # fmt: skip
+    (line, *_) = info._lines(told, info.Counter(), [])
+    assert line.endswith("channels, 16.0 s of samples in 20.00 s (50 a second), 1 gap")

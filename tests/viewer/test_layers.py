@@ -101,10 +101,16 @@ def test_structures_are_those_of_the_search_the_most_common_first(prepared):
         assert layer.categories[s] == f"{s}: {found.counts[s]:,} taxels"
 
 
-def test_patches_are_the_connected_ones(layers, prepared):
+def test_patches_are_the_connected_ones_and_those_of_all_parts_are_apart(layers, prepared):
     layer = layers.get("patches")
-    assert layer.categories == ("patch 1", "patch 2", "patch 3", "patch 4", "none")
-    np.testing.assert_array_equal(layer.values("left_arm", None), prepared("left_arm").patches)
+    chest = prepared("torso").mesh.n_patches
+    names = [f"torso {k}" for k in range(chest)] + [f"left arm {k}" for k in range(4)]
+    assert layer.categories == (*names, "none")
+    patches = prepared("left_arm").patches
+    np.testing.assert_array_equal(layer.values("left_arm", None), chest + patches)
+    alone = Layers({"left_arm": prepared("left_arm")}).get("patches")
+    assert alone.categories == ("patch 0", "patch 1", "patch 2", "patch 3", "none")
+    np.testing.assert_array_equal(alone.values("left_arm", None), patches)
 
 
 def test_health_keeps_what_the_calibration_said_and_learns_who_was_touched(prepared):

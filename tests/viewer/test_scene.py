@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -6,8 +7,10 @@ import pyvista as pv
 
 from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.geometry.rigid import transform_directions, transform_points
+from skinmap.live.contacts.named_touch import Moment
 from skinmap.touch.images.contact_image import paper_images
 from skinmap.touch.prepared_skin import PreparedSkin
+from viewer.scene import Scene
 
 
 def places(scene, part):
@@ -336,3 +339,16 @@ def test_scene_without_flat_maps_or_body_is_only_the_skin(opengl, icub, prepared
             scene.show_flat_map("torso")
     finally:
         scene.close()
+
+
+def test_the_first_flat_map_is_of_a_part_that_the_source_has(opengl, icub, prepared):
+    skins = {part: prepared(part) for part in ("left_arm", "torso")}
+    meshes, maps = ({p: getattr(s, k) for p, s in skins.items()} for k in ("mesh", "flat"))
+    scene = Scene(icub, meshes, maps, links="skin", window_size=(320, 240))
+    rest = Moment(0.0, {"torso": np.zeros(len(skins["torso"]))})
+    scene.show_moment(rest)
+    assert scene.panel.part == "torso"
+    scene.show_flat_map("left_arm")
+    scene.show_moment(replace(rest, time=1.0))
+    assert scene.panel.part == "left_arm", "one that is chosen stays"
+    scene.close()

@@ -17,7 +17,7 @@ from skinmap.io.output import staged_file
 from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 from viewer.colours import DIFFERENCE_STOPS, INK, ramp
-from viewer.layers import LEFT, ORDER, RIGHT, Layer, Pair, moved_touch, paired_touches
+from viewer.layers import LEFT, ORDER, RIGHT, Layer, Pair, moved_touch, paired_touches, touches_at
 from viewer.results import Beside, ChangedTouch, Difference
 from viewer.scene import Scene
 from viewer.view_files import NEAR, shown_touches, still_moment
@@ -91,7 +91,8 @@ def write_beside(
         found, lines = None, [f"no difference: {names} have no skin in common"]
         if common:
             values = difference(left, right, common)
-            pairs = paired_touches(_touches(first), _touches(second))
+            now = np.nan if second is None else second.time  # of the picture of the difference
+            pairs = paired_touches(touches_at(first, now), touches_at(second, now))
             found = _measured(values, list(starmap(changed_touch, pairs)), least_of(left.layer))
             shown = [one for one in starmap(moved_touch, pairs) if one.part in common]
             moved = second and dataclasses.replace(second, touches=tuple(shown))
@@ -143,10 +144,6 @@ def _scene(session: Session, look: Look, moment: Moment | None) -> Scene:
     if moment is not None:
         scene.follow(moment)
     return scene
-
-
-def _touches(moment: Moment | None) -> Sequence[NamedTouch]:
-    return () if moment is None else moment.touches
 
 
 def _title(side: str, session: Session, moment: Moment | None) -> str:

@@ -21,7 +21,7 @@ from skinmap.io.output import staged_file
 from skinmap.live.contacts.named_touch import Moment
 from viewer.colours import BODY, rgb
 from viewer.drawing.body.bare_body import body_meshes
-from viewer.drawing.skin.skin_layer import LIFT, polygons
+from viewer.drawing.skin.skin_layer import polygons
 from viewer.drawing.skin.taxel_drawing import set_normals
 from viewer.scene import Scene
 from viewer.web.files import joined_scripts, page_text
@@ -181,9 +181,8 @@ def write_gltf(scene: Scene, path: Path) -> Path:
     for part, drawn in scene.layers.items():
         skin = drawn.skin
         radius = DISC_SHARE * skin.spacing
-        discs = polygons(
-            skin.positions + LIFT * drawn.places.scale * skin.normals, skin.normals, radius
-        )
+        # Where the taxels are, not lifted as in pictures: the file is measured in.
+        discs = polygons(skin.positions, skin.normals, radius)
         set_normals(discs, np.repeat(skin.normals, CORNERS, axis=0))
         colours = scene.layer.colours(scene.layer.values(part, scene.moment))
         add(f"skin {part}", skin.link, discs, np.repeat(colours, CORNERS, axis=0))

@@ -106,7 +106,7 @@ class SampleWriter:
         arrays: dict[str, NDArray[Any]] = {}
         touches: Sequence[NamedTouch] = () if moment is None else moment.touches
         if layer == "difference" and self.data.pair is not None:
-            touches = self.data.pair.touches()
+            touches = self.data.pair.touches(math.nan if moment is None else moment.time)
         touches = [touch for touch in touches if touch.part in parts]
         if moment is not None:
             header.update(

@@ -16,14 +16,14 @@ from scipy.sparse import block_diag, csr_array
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import transform_directions, transform_points
-from skinmap.geometry.triangles import edge_lengths
+from skinmap.geometry.topology import border_edges
 from skinmap.skin.robot import Robot
 from skinmap.touch.images.contact_image import ContactImageGeometry, taxel_grid
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.colours import BACKGROUND, BODY, DOT, INK, RIM, TRACES, UNKNOWN
 from viewer.drawing.body.bare_body import Links, body_meshes, check_links, posed
 from viewer.drawing.frame.camera import VIEW_ANGLE, front_view
-from viewer.drawing.skin.skin_layer import DOT_SHARE, SkinLayer, build_layer, flat_vertices
+from viewer.drawing.skin.skin_layer import DOT_SHARE, SkinLayer, build_layer, flat_places
 
 TYPES = ("u1", "i1", "u2", "u4", "i4", "f4")  # what a page has typed arrays for
 
@@ -65,7 +65,6 @@ def finite(value: float | None) -> float | None:
 
 CELL = 6e-3  # of the body's meshes [m]: four pixels of a whole robot in a picture of 768
 LEANING = 0.2  # length of a mean normal that says where a skin faces
-SEAM_STRETCH = 3.0  # longer against the skin than any flat triangle becomes
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -243,35 +242,43 @@ def _add_skins(
     """Add sheets, shells, taxels and flat maps of all parts; where each of them is comes back."""
     parts: list[dict[str, Any]] = []
     kept: defaultdict[str, list[NDArray[Any]]] = defaultdict(list)
-    shell_start = 0
-    for number, (part, skin) in enumerate(skins.items()):
-        layer, start = layers[part], vertices[number]
-        uv = flat_vertices(layer.fine, skin.flat)
+    shell_start = seam_start = 0
+    for place, (part, skin) in enumerate(skins.items()):
+        layer, start = layers[part], vertices[place]
+        flat = flat_places(skin.flat, layer.fine, np.inf)
+        # Of each vertex one place; its others, at a seam, follow the vertices of all parts.
+        one_of, number = np.unique(flat.vertex, return_index=True)[1], flat.vertex + start
+        others = np.setdiff1d(np.arange(len(number)), one_of)
+        number[others] = vertices[-1] + seam_start + np.arange(len(others))
+        uv, taxel_uv = flat.points[:, :2], np.nan_to_num(skin.flat.uv)
+        twice = np.flatnonzero((flat.centres[:, :2] != taxel_uv[flat.taxels]).any(axis=1))
         own: dict[str, NDArray[Any]] = {
             "sheet.points": layer.points.astype(np.float32),
             "sheet.normals": as_bytes(layer.fine.normals),
             "sheet.faces": (layer.fine.faces + start).astype(np.uint32),
-            "sheet.uv": uv.astype(np.float32),
-            "flat.faces": (off_seams(uv, layer.fine.positions, layer.fine.faces) + start).astype(
-                np.uint32
-            ),
-            "flat.border": (layer.border + start).astype(np.uint32),
+            "sheet.uv": uv[one_of].astype(np.float32),
+            "seam.uv": uv[others].astype(np.float32),
+            "seam.vertices": (flat.vertex[others] + start).astype(np.uint32),
+            "seam.dots": flat.centres[twice, :2].astype(np.float32),
+            "seam.taxels": (flat.taxels[twice] + taxels[place]).astype(np.uint32),
+            "flat.faces": number[flat.faces].astype(np.uint32),
+            "flat.border": number[border_edges(flat.faces)].astype(np.uint32),
             "shell.points": np.asarray(layer.shell.points, np.float32),
             "shell.faces": (triangles_of(layer.shell) + shell_start).astype(np.uint32),
             "taxel.points": layer.places.centres.astype(np.float32),
             "taxel.normals": as_bytes(skin.skin.normals),
-            "taxel.uv": np.nan_to_num(skin.flat.uv).astype(np.float32),
+            "taxel.uv": taxel_uv.astype(np.float32),
             "taxel.channels": skin.skin.channels.astype(np.int32),
             "taxel.modules": skin.skin.modules.astype(np.int32),
             "taxel.patches": skin.patches.astype(np.int32),
         }
         grid = taxel_grid(skin.flat)
-        own |= _contact_image(grid, taxels[number])
+        own |= _contact_image(grid, taxels[place])
         spacing = skin.skin.spacing
         one: dict[str, Any] = {
             "name": part,
             "link": names.index(skin.skin.link),
-            "taxels": [taxels[number], len(skin)],
+            "taxels": [taxels[place], len(skin)],
             "vertices": [start, len(layer.points)],
             "spacing": spacing,
             "scale": layer.places.scale,
@@ -279,12 +286,15 @@ def _add_skins(
             "patches": len(skin.flat.charts),
             "image": sorted(grid.shape),  # rows and columns: it lies, as for classifiers
         }
-        for key in ("sheet.faces", "flat.faces", "shell.faces", "flat.border", "image.pixels"):
+        for key in (
+            "sheet.faces", "flat.faces", "shell.faces", "flat.border", "image.pixels", "seam.taxels"
+        ):  # fmt: skip
             first = sum(array.size for array in kept[key])
             one[key.replace(".", "_")] = [first, own[key].size]
         for key, array in own.items():
             kept[key].append(array.ravel())
         shell_start += len(layer.shell.points)
+        seam_start += len(others)
         parts.append(one)
     arrays |= {key: np.concatenate(several) for key, several in kept.items()}
     smooth = csr_array(block_diag([layer.fine.smooth for layer in layers.values()], format="csr"))
@@ -306,12 +316,6 @@ def _contact_image(grid: ContactImageGeometry, start: int) -> dict[str, NDArray[
         "image.taxels": (grid.columns.astype(np.int64) + start).astype(np.uint32),
         "image.weights": np.rint(255.0 * grid.weights).astype(np.uint8),
     }
-
-
-def off_seams(uv: FloatArray, points: FloatArray, faces: IntArray) -> IntArray:
-    """Faces that the flat map keeps whole: those on a seam would lie right across it."""
-    flat, bent = edge_lengths(uv, faces).max(axis=1), edge_lengths(points, faces).max(axis=1)
-    return np.asarray(faces[flat <= SEAM_STRETCH * bent])
 
 
 def triangles_of(mesh: pv.PolyData) -> IntArray:

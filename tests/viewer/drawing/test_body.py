@@ -84,3 +84,23 @@ def test_links_have_fewer_triangles_the_coarser_the_detail(opengl, icub, monkeyp
     # A cell three times as wide covers nine of the smaller: at least half of their triangles go.
     assert counts[1] < counts[0] / 2
     assert counts[2] < counts[1] / 2
+
+
+def test_a_thin_plate_of_few_triangles_is_whole_and_flat_faces_are_flat(opengl, monkeypatch, icub):
+    from viewer.drawing.body import bare_body
+
+    across = np.array(np.meshgrid([0.0, 0.1], [0.0, 0.08], [0.0, 0.003])).reshape(3, -1).T
+    faces = [[0, 1, 5], [0, 5, 4], [2, 6, 7], [2, 7, 3], [0, 2, 3], [0, 3, 1]]
+    faces += [[4, 5, 7], [4, 7, 6], [0, 4, 6], [0, 6, 2], [1, 3, 7], [1, 7, 5]]
+    plate = TriangleMesh(across, np.array(faces))
+    monkeypatch.setattr(type(icub), "mesh", lambda robot, link: plate)
+    for few in (bare_body.FEW, 0):  # whole, and as one of many triangles
+        monkeypatch.setattr(bare_body, "FEW", few)
+        (drawn,) = bare_body.body_meshes(icub, ["chest"], cell=6e-3).values()
+        np.testing.assert_allclose(np.ptp(drawn.points, axis=0), [0.1, 0.08, 0.003], rtol=1e-5)
+        if few:
+            corners = np.asarray(drawn.points)[drawn.regular_faces]
+            flat = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            flat /= np.linalg.norm(flat, axis=1)[:, None]
+            shaded = np.asarray(drawn.point_data["Normals"])[drawn.regular_faces]
+            np.testing.assert_allclose(shaded, np.repeat(flat[:, None], 3, axis=1), atol=1e-5)

@@ -1,12 +1,17 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from skinmap import load_robot
 from skinmap.geometry.triangles import face_areas, signed_areas
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.skin.skin import Skin
 from skinmap.touch.prepared_skin import PreparedSkin
+from tests.viewer.unpacking import unpack
 from viewer.drawing.skin.skin_layer import body_places, flat_places, mark_scale, refine, taxel_cells
 from viewer.drawing.touches.touch_marks import LONG, arrow
+from viewer.web.scene_data import make_scene
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +90,17 @@ def test_lifts_and_arrows_are_of_the_size_of_the_skin(factor, scale):
     touch = NamedTouch("plate", rows[:3], np.zeros(3), "poke", 0.9, normal=up[0], peak=255.0)
     ((points, _, _),) = arrow(touch, np.eye(4), places.scale)
     assert np.ptp(points[:, 2]) == pytest.approx(LONG * scale)
+
+
+def test_a_page_has_the_flat_map_whole_on_both_sides_of_a_seam(tube, opengl):
+    robot = load_robot("kaspar")  # a link for the tube
+    tube = PreparedSkin(replace(tube.skin, link=robot.skin("torso").link))
+    header, arrays = unpack(make_scene(robot, {"torso": tube}).packed)
+    part = header["parts"][0]
+    assert part["flat_faces"][1] == part["sheet_faces"][1], "no face is left out"
+    uv = np.concatenate([arrays["sheet.uv"], arrays["seam.uv"]]).reshape(-1, 2).astype(float)
+    corners = [uv[arrays["flat.faces"].reshape(-1, 3)]]
+    corners.append(np.concatenate([chart.uv[chart.faces] for chart in tube.flat.charts]))
+    sent, whole = (np.linalg.det(np.diff(one, axis=1)).sum() for one in corners)
+    assert sent == pytest.approx(whole, rel=1e-4)
+    assert len(arrays["seam.taxels"]), "taxels on the seam stand on both of its sides"

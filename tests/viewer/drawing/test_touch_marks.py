@@ -5,6 +5,8 @@ import pytest
 
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.response.loads import ContactForce, Interval
+from skinmap.recognition.answers import Answer, Answers, HandAnswer
+from viewer.colours import class_colour, touch_colour
 from viewer.drawing.panel.touch_list import caption, details, largest
 from viewer.drawing.touches.touch_marks import LONG, SHORT, arrow, carried_steps, solid_arrow
 
@@ -49,6 +51,18 @@ def test_a_touch_in_words_leaves_out_what_is_not_known():
     full = made(confidence=0.9, area=1.234e-3, peak=99.6, began=1.5)
     assert details(full, 3.0) == ["left arm", "1,234 mm\u00b2", "peak 100", "1.5 s"]
     assert details(full, float("nan"))[-1] == "peak 100"
+
+
+def test_the_kind_is_called_one_beside_another_label_and_left_out_of_the_unknown():
+    kind, motion = Answer("poke", 0.5, ("poke",)), Answer("still", 0.9, ("still",))
+    touch = made(confidence=0.4, answers=Answers(kind, motion, HandAnswer("unsure", 0.5)))
+    for label, words, tint in (
+        ("poke", "poke, still", "poke"), ("hold", "kind poke, still", "poke"),
+        ("unknown", "still", "unknown"),
+    ):  # fmt: skip
+        one = dataclasses.replace(touch, label=label)
+        assert details(one, 3.0)[1:] == [words, "hand?"]
+        assert touch_colour(one) == class_colour(tint)
 
 
 def test_touch_of_a_calibrated_part_has_its_force_with_an_interval():

@@ -13,11 +13,12 @@ from PIL import Image
 import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import SkinError, SkinWarning
-from skinmap.live.contacts.named_touch import NamedTouch
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from viewer.drawing.frame import canvas
+from viewer.drawing.panel.touch_list import details
 from viewer.drawing.skin.skin_view import signs_of
 from viewer.export.beside import changed_touch
-from viewer.layers import moved_touch, paired_touches
+from viewer.layers import moved_touch, paired_touches, touches_at
 
 
 def recorded(path: Path, robot: str, part: str, seed: int) -> Path:
@@ -152,6 +153,14 @@ def test_the_difference_shows_both_names_and_the_way_between():
     assert shown.label == "poke, right tap"
     np.testing.assert_array_equal(shown.path, [[0, 0, 0], [1, 1, 1]])
     assert moved_touch(left, None).label == "poke, left only"
+
+
+def test_a_touch_of_another_time_has_the_duration_of_its_own():
+    held = NamedTouch("torso", np.array([1]), np.zeros(3), "poke", 0.9, began=6.0)
+    for own, now, lasted in ((6.5, 19.0, "0.5 s"), (10.0, 2.0, "4.0 s")):
+        (shown,) = touches_at(Moment(own, {}, touches=(held,)), now)
+        assert lasted in details(moved_touch(shown, None), now)
+    assert touches_at(None, 19.0) == []
 
 
 def test_touches_pair_that_lie_on_the_same_taxels():

@@ -34,7 +34,7 @@ def test_gltf_holds_links_and_taxels_at_their_places_and_colours(touched, tmp_pa
     pose = T_GLTF_WORLD @ touched.poses[skin.link]
     centres = np.asarray(placed.vertices).reshape(len(skin), 6, 3).mean(axis=1)
     away = np.linalg.norm(centres - transform_points(pose, skin.positions), axis=1)
-    assert away.max() < 2.1e-3, "discs float 2 mm above their taxels, in single floats"
+    assert away.max() < 1e-6, "discs stand on their taxels, in single floats"
     colours = scene.geometry["skin torso"].visual.vertex_colors.reshape(len(skin), 6, 4)
     wanted = touched.layer.colours(touched.layer.values("torso", touched.moment))
     assert np.array_equal(colours[:, 0, :3], wanted)

@@ -119,7 +119,7 @@ def test_page_in_a_browser_plays_and_names_a_channel(at_rest, played, open_tab, 
     tab.wait(f"#pick-about dt:text-is('channel') + dd:text-is('{skin.channels[100]}')")
     assert "200 counts" in page.inner_text("#pick-about")
     page.select_option("#layer", "patches")
-    tab.wait("#bar-names li:has-text('patch 1')")
+    tab.wait("#bar-names li:has-text('torso 0')")
     page.locator("#back").click()
     tab.wait(".label", state="detached")
     page.locator("#play").click()

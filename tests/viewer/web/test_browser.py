@@ -116,7 +116,7 @@ def test_layers_and_styles_change_the_picture(tab):
     surface = tab.pixels()
     tab.page.select_option("#style", "discs")
     tab.page.select_option("#layer", "patches")
-    tab.wait("#bar-names li:has-text('patch 1')")
+    tab.wait("#bar-names li:has-text('torso 0')")
     patches = tab.pixels()
     assert (np.abs(patches - surface).max(axis=-1) > 40).mean() > 0.01
 

@@ -19,6 +19,10 @@ Links = Iterable[str] | Literal["all", "skin"] | None
 CELL = 4e-3  # of meshes for a screen that is not known [m]
 COHERENT = 0.75  # length of a group's mean normal: below, its triangles face several ways
 AWAY = -0.3  # component along a cell's main axis from which a triangle belongs to its other wall
+FEW = 2000  # triangles: meshes of no more are sent to a screen that is not known as they are
+CREASE = 30.0  # angle between two triangles from which their edge stays sharp there [deg]
+FLAT = 1e-4  # a mesh as thin has no two walls [m]
+THINNEST = 0.25  # of a cell, in thicknesses of its mesh: both walls of a plate stay apart
 SIDES = 7  # one for smooth groups, and the six ways to face along an axis
 
 SLACK = np.radians(1.0)  # encoders may read that far beyond a limit without being wrong
@@ -69,8 +73,33 @@ def check_links(robot: Robot, links: Links, parts: Iterable[str] = ()) -> tuple[
 
 
 def body_meshes(robot: Robot, links: Links = None, *, cell: float = CELL) -> dict[str, pv.PolyData]:
-    """Drawable mesh of each link asked for, in the link's frame; no other link is read."""
-    return {link: drawable(robot.mesh(link), cell=cell) for link in check_links(robot, links)}
+    """Drawable mesh of each link asked for, in the link's frame; no other link is read.
+
+    Those of few triangles are whole; vertices of others become one within a cell of so much [m].
+    """
+    meshes = {link: robot.mesh(link) for link in check_links(robot, links)}
+    return {
+        link: whole(mesh)
+        if 0 < len(mesh.faces) <= FEW
+        else drawable(mesh, cell=min(cell, THINNEST * _thickness(mesh)))
+        for link, mesh in meshes.items()
+    }
+
+
+def whole(mesh: TriangleMesh) -> pv.PolyData:
+    """A link mesh with all its triangles and point normals, split at sharp edges."""
+    surface = make_mesh(mesh.vertices, mesh.faces).clean(
+        lines_to_points=False, polys_to_lines=False
+    )
+    return surface.compute_normals(
+        cell_normals=False, split_vertices=True, feature_angle=CREASE, consistent_normals=False
+    )
+
+
+def _thickness(mesh: TriangleMesh) -> float:
+    """The shortest side of the box around a mesh that has one [m]; infinite of a flat one."""
+    sides = np.ptp(mesh.vertices, axis=0) if len(mesh.vertices) else np.zeros(3)
+    return float(np.min(sides, initial=np.inf, where=sides > FLAT))
 
 
 @dataclass(frozen=True, eq=False, slots=True)

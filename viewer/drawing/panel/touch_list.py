@@ -9,7 +9,7 @@ from vtkmodules.vtkRenderingCore import vtkRenderer
 
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.response.loads import ContactForce
-from viewer.colours import FAINT, INK, ink_on, touch_colour
+from viewer.colours import FAINT, INK, NO_NAMES, ink_on, touch_colour
 from viewer.colours import faded as pale
 from viewer.drawing.words.shapes import Line, small_font
 
@@ -165,12 +165,19 @@ def covered(touch: NamedTouch) -> str:
 
 
 def answered(touch: NamedTouch) -> list[str]:
-    """Kind, motion and hand in words; nothing where no model answers."""
+    """Kind, motion and hand in words; nothing where no model answers.
+
+    The kind is called one where the label is another, and left out of a touch without a name.
+    """
     if touch.answers is None:
         return []
     kind, motion = touch.answers.kind.answer, touch.answers.motion.answer
+    if touch.label in NO_NAMES:
+        words = motion
+    else:
+        words = f"{kind}, {motion}" if kind == touch.label else f"kind {kind}, {motion}"
     hand = {"hand": "hand", "other": "no hand", "unsure": "hand?"}[touch.answers.hand.answer]
-    return [f"{kind}, {motion}".replace("_", " "), hand]
+    return [words.replace("_", " "), hand]
 
 
 def known(number: float | None) -> bool:

@@ -256,9 +256,13 @@ export class Controls {
     if (!$("map-part").value && !$("part").value) this.followTouches(header.touches);
   }
 
+  // The map of a part that is touched; where none is, of one that the source has.
   followTouches(touches) {
-    const here = touches.some((touch) => touch.part === this.page.flat.part.name);
-    if (touches.length && !here) this.page.showFlat(touches[0].part);
+    const { page } = this, { name } = page.flat.part, silent = page.silent();
+    if (touches.length && !touches.some(({ part }) => part === name)) page.showFlat(touches[0].part);
+    if (touches.length || !silent.some((part) => part.name === name)) return;
+    const heard = page.header.parts.find((part) => !silent.includes(part));
+    if (heard) page.showFlat(heard.name);
   }
 
   stateChanged(state) {

@@ -19,6 +19,12 @@ export class Flat {
     this.paper = canvas.getContext("2d", { alpha: false });
     this.header = scene.header;
     this.arrays = scene.arrays;
+    // Places of all vertices, then the others of those on a seam, and which vertices these are.
+    const own = scene.arrays["sheet.uv"], seam = scene.arrays["seam.uv"];
+    this.uv = new Float32Array(own.length + seam.length);
+    this.uv.set(own);
+    this.uv.set(seam, own.length);
+    this.vertex = (k) => (2 * k < own.length ? k : scene.arrays["seam.vertices"][k - own.length / 2]);
     this.part = this.header.parts[0];
     this.categories = false;
     this.style = "surface";
@@ -78,9 +84,9 @@ export class Flat {
 
   // Middle and half the sides [m] of what the canvas shows.
   frame() {
-    const uv = this.arrays["sheet.uv"], [first, count] = this.part.vertices;
+    const { uv } = this, [start, size] = this.part.flat_faces;
     const low = [Infinity, Infinity], high = [-Infinity, -Infinity];
-    for (let v = first; v < first + count; v++) {
+    for (const v of this.arrays["flat.faces"].subarray(start, start + size)) {
       for (let k = 0; k < 2; k++) {
         low[k] = Math.min(low[k], uv[2 * v + k]);
         high[k] = Math.max(high[k], uv[2 * v + k]);
@@ -110,19 +116,29 @@ export class Flat {
 
   drawDots(ratio) {
     const over = new OffscreenCanvas(this.canvas.width, this.canvas.height), pen = over.getContext("2d");
-    const uv = this.arrays["taxel.uv"], [first, count] = this.part.taxels, radius = Math.min(this.part.dot * this.scale, 2.2 * ratio);
+    const radius = Math.min(this.part.dot * this.scale, 2.2 * ratio);
     pen.fillStyle = this.header.colours.dot;
-    for (let k = first; k < first + count; k++) {
+    for (const [, x, y] of this.discs()) {
       pen.beginPath();
-      pen.arc(...this.at(uv[2 * k], uv[2 * k + 1]), radius, 0, 2 * Math.PI);
+      pen.arc(x, y, radius, 0, 2 * Math.PI);
       pen.fill();
     }
     return over;
   }
 
+  // Each taxel of the part with its place [px]; those on a seam have several.
+  discs() {
+    const { arrays, part } = this, [first, count] = part.taxels, [start, size] = part.seam_taxels;
+    const found = (uv, k, number) => [number, ...this.at(uv[2 * k], uv[2 * k + 1])];
+    return [
+      ...Array.from({ length: count }, (_, k) => found(arrays["taxel.uv"], first + k, first + k)),
+      ...Array.from({ length: size }, (_, k) => found(arrays["seam.dots"], start + k, arrays["seam.taxels"][start + k])),
+    ];
+  }
+
   drawBorder(ratio) {
     const over = new OffscreenCanvas(this.canvas.width, this.canvas.height), pen = over.getContext("2d");
-    const uv = this.arrays["sheet.uv"], ends = this.arrays["flat.border"], [start, size] = this.part.flat_border;
+    const { uv } = this, ends = this.arrays["flat.border"], [start, size] = this.part.flat_border;
     Object.assign(pen, { strokeStyle: this.header.colours.rim, lineWidth: ratio });
     pen.beginPath();
     for (let k = start; k < start + size; k++) pen[(k - start) % 2 ? "lineTo" : "moveTo"](...this.at(uv[2 * ends[k]], uv[2 * ends[k] + 1]));
@@ -163,7 +179,7 @@ export class Flat {
 
   // Pixels on the sheet: which, the three vertices around each, and the shares of the first two.
   places() {
-    const { width, height } = this.canvas, uv = this.arrays["sheet.uv"], faces = this.arrays["flat.faces"];
+    const { width, height } = this.canvas, { uv } = this, faces = this.arrays["flat.faces"];
     const [start, size] = this.part.flat_faces, face = new Int32Array(width * height).fill(-1);
     const shares = new Float32Array(2 * width * height);
     for (let f = start; f < start + size; f += 3) {
@@ -188,7 +204,7 @@ export class Flat {
     this.corners = new Uint32Array(3 * this.pixels.length);
     this.shares = new Float32Array(2 * this.pixels.length);
     this.pixels.forEach((p, k) => {
-      for (let i = 0; i < 3; i++) this.corners[3 * k + i] = faces[face[p] + i];
+      for (let i = 0; i < 3; i++) this.corners[3 * k + i] = this.vertex(faces[face[p] + i]);
       this.shares[2 * k] = shares[2 * p];
       this.shares[2 * k + 1] = shares[2 * p + 1];
     });
@@ -227,14 +243,16 @@ export class Flat {
   }
 
   drawDiscs(first, codes) {
-    const { paper } = this, uv = this.arrays["taxel.uv"], byCode = new Map();
-    codes.forEach((code, k) => byCode.get(code)?.push(first + k) ?? byCode.set(code, [first + k]));
+    const { paper } = this, byCode = new Map();
+    for (const [number, ...at] of this.discs()) {
+      const code = codes[number - first];
+      byCode.get(code)?.push(at) ?? byCode.set(code, [at]);
+    }
     const radius = (this.style === "surface" ? COVER : 0.47) * this.part.spacing * this.scale;
-    for (const [code, taxels] of byCode) {
+    for (const [code, places] of byCode) {
       paper.fillStyle = css(this.colourMap.taxel(code));
       paper.beginPath();
-      for (const k of taxels) {
-        const [x, y] = this.at(uv[2 * k], uv[2 * k + 1]);
+      for (const [x, y] of places) {
         paper.moveTo(x + radius, y);
         paper.arc(x, y, radius, 0, 2 * Math.PI);
       }

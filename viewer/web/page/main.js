@@ -137,13 +137,18 @@ class Page {
     this.redraw();
   }
 
+  // Parts of which nothing is known.
+  silent() {
+    const values = this.sample?.arrays.values ?? [];
+    return values.length === 0 ? [] : this.header.parts.filter(({ taxels: [first, count] }) => values.subarray(first, first + count).every((code) => code === UNKNOWN));
+  }
+
   // Words follow at a pace that eyes can read, and cost no time of the picture's.
   write() {
     this.writing = null;
     this.controls.sampleChanged(this.sample.header);
-    const { values } = this.sample.arrays, { touches, signs } = this.sample.header, { parts } = this.header;
-    const silent = parts.filter(({ taxels: [first, count] }) => values.subarray(first, first + count).every((code) => code === UNKNOWN));
-    this.controls.words.showNotes(silent, parts, touches.length > 0, signs);
+    const { touches, signs } = this.sample.header;
+    this.controls.words.showNotes(this.silent(), this.header.parts, touches.length > 0, signs);
     this.hover.ask();
     if (this.picked >= 0) this.link.ask({ do: "pick", ...this.taxel(this.picked) });
   }

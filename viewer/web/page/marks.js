@@ -12,6 +12,7 @@ const RING = 0.55; // radius of a ring in spacings
 const SIGN = 0.4; // radius of a sign in spacings
 const INK = [0.08, 0.09, 0.11];
 const FADED = 0.6; // how far what is silent goes to the ground
+const TORN = 3; // longer than on the skin no piece of an outline becomes on the flat map
 const MANY = 60; // rings that have all their sides
 
 export class Marks {
@@ -57,7 +58,11 @@ export class Marks {
       const p = [0, 1, 2].map((i) => mix(points, 3, i) + (lift * mix(normals, 4, i)) / 127);
       round.push(...place(model, p).slice(0, 3));
       line.push(mix(uv, 2, 0), mix(uv, 2, 1));
-      if (k % 2) round.push(...tint);
+      if (!(k % 2)) continue;
+      // Over a seam of the flat map a piece would lie right across it.
+      const [ax, ay, az, bx, by, bz] = round.slice(-6), [au, av, bu, bv] = line.slice(-4);
+      if (Math.hypot(bu - au, bv - av) > TORN * Math.hypot(bx - ax, by - ay, bz - az)) line.length -= 4;
+      round.push(...tint);
     }
     return line;
   }
