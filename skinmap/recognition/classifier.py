@@ -180,6 +180,7 @@ class Classifier(Summary):
         if self.check is not None:
             some = np.linspace(0, len(table) - 1, min(len(table), CHECKED)).astype(int)
             self.check(self.name, self.estimator, table[some], named)
+        _straighten(self.estimator, named)
         self._quick = None
         if sets:
             self.sets, own = held_out(self._copy, touches, rng=rng)
@@ -421,6 +422,20 @@ def calibrated(estimator: Any) -> Any:
     from sklearn.calibration import CalibratedClassifierCV
 
     return CalibratedClassifierCV(estimator, method="sigmoid", cv=CALIBRATION_FOLDS, ensemble=False)
+
+
+def _straighten(estimator: Any, named: NDArray[np.str_]) -> None:
+    """Give a sigmoid that falls with the decision value the share of its label instead.
+
+    Held-out values of labels that cannot be told apart lie on the wrong side as often as not: such
+    a slope would turn round what the final model, of all the data, decides.
+    """
+    for inner in getattr(estimator, "calibrated_classifiers_", []):
+        curves = getattr(inner, "calibrators", [])
+        for curve, label in zip(curves, inner.classes[-len(curves) :], strict=True):
+            if getattr(curve, "a_", 0.0) > 0.0:
+                own = int((named == label).sum())
+                curve.a_, curve.b_ = 0.0, float(np.log((len(named) - own + 1) / (own + 1)))
 
 
 def quick_probabilities(estimator: Any) -> Probabilities:

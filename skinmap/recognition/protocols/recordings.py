@@ -96,7 +96,7 @@ def evaluate_recordings(
     list of AccuracyRow
         For each classifier and kind of folds.
     list of LeakRow
-        By how much plain folds flatter each classifier.
+        By how much plain folds flatter each classifier that names better than chance in either.
     dict of str to str
         Classifiers that were skipped, and why.
 
@@ -146,10 +146,12 @@ def evaluate_recordings(
             raise InvalidArrayError(f"{name}: {why}")
         skipped[name] = why
     means = {(row.classifier, row.folds): row.mean for row in table}
+    even = 1.0 / len(np.unique(labels))
+    least = even + AT_CHANCE * float(np.sqrt(even * (1.0 - even) / len(labels)))
     leak = [
         LeakRow(classifier=name, points=100.0 * (mean - means[name, "event"]))
         for (name, kind), mean in means.items()
-        if kind == "plain" and (name, "event") in means
+        if kind == "plain" and max(mean, means.get((name, "event"), np.nan)) > least
     ]
     return table, leak, skipped
 
@@ -185,8 +187,11 @@ def _cross_validate(
     else:
         sides = _split_samples(touches, folds, rng)
     named, truth = [], []
-    for train, test in sides:
-        model = classifiers.get(classifier)().fit(train, rng=rng)
+    for number, (train, test) in enumerate(sides, 1):
+        try:
+            model = classifiers.get(classifier)().fit(train, rng=rng)
+        except InvalidArrayError as error:
+            raise InvalidArrayError(f"fold {number} of {folds}: {error}") from None
         named += [likeliest(model, touch).label for touch in test]
         truth += [touch.label for touch in test]
     return np.array(named), np.array(truth)
@@ -216,6 +221,7 @@ Way = Literal["event", "session", "person", "place", "part"]
 NAIVE: Way = "event"
 MAX_GROUPS = 10  # more groups than that are left out several at a time
 REGIONS = 4  # places of a part
+AT_CHANCE = 2.33  # standard deviations above chance that one draw in a hundred exceeds
 SURE = 0.01  # a control so unlikely to come by chance is a leak
 RIDGE = 10.0  # of standardised values; flat for a factor of ten around here on simulated rest
 
