@@ -270,6 +270,8 @@ class Grid:
             self._check_prints(rows, columns)
         self.person: IntArray | None = None
         if "person" in held:
+            if held["person"].dtype.kind == "U":  # names
+                held["person"] = np.unique(held["person"], return_inverse=True)[1]
             self.person = self._numbers("person", 1)
             if len(self.person) != count:
                 raise DataFormatError(f"person of {len(self.person)} for {count} images", path)
