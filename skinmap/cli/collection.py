@@ -136,6 +136,7 @@ def collect(
     Parameters
     ----------
     paths : sequence of Path
+        The mapping of another one is passed over.
     robot : str, optional
         Of all of them, whatever they say.
     parts : sequence of str
@@ -150,7 +151,9 @@ def collect(
     SkinMismatchError
         A recording of another skin than the robot's.
     """
-    files = list(dict.fromkeys(found for path in paths for found in files_of(path)))
+    mappings = {path.with_suffix(".toml") for path in paths if path.suffix != ".toml"}
+    named = [path for path in paths if path not in mappings]  # a shell's pattern finds both
+    files = list(dict.fromkeys(found for path in named for found in files_of(path)))
     sessions = session_names(files)
     robots: dict[str, Robot] = {}
     skins: dict[tuple[str, str], PreparedSkin] = {}

@@ -268,6 +268,11 @@ def work(
     rng = np.random.default_rng([seed, 11])
     split = _split(found, parts, rng)
     train, same, other = [*split.train], [*split.same_parts], split.other_parts
+    warnings = list(found.doubts())
+    if other and getattr(untrained().descriptor, "one_skin", False):  # taxels by their number
+        passed = ", ".join(sorted({touch.skin.skin.part for touch in other}))
+        warnings.append(f"{classifier} reads taxels by number; not tested on other parts: {passed}")
+        other = ()
     few = is_few(train, same)
     if few:
         train, same = train + same, []
@@ -281,8 +286,8 @@ def work(
         model.fit(train + extra, rng=rng, sets=classifier in WITH_SETS)
         learn_answers(model, train + extra, groups=grouped, motions=motions, rng=rng)
         save_classifier(model, stage)
-    seen = score_in_turn(untrained, train, extra, rng=rng) if few else score(model, same)
-    unseen = score(model, other)
+        seen = score_in_turn(untrained, train, extra, rng=rng) if few else score(model, same)
+        unseen = score(model, other)
     people = {name: count for name, count in found.count("person").items() if name}
     return TrainResult(
         classifier=classifier,
@@ -302,7 +307,7 @@ def work(
         groups={name: list(own) for name, own in (grouped or {}).items()},
         kinds=[name for name in names if name not in motions],
         motions=list(motions),
-        warnings=list(found.doubts()),
+        warnings=warnings,
         files=[str(output)],
     )
 

@@ -108,3 +108,13 @@ def test_where_no_held_out_touch_says_how_sure_to_be_any_name_is_as_likely():
 def test_a_doubt_that_is_none_is_refused(array):
     with pytest.raises(InvalidArrayError):
         doubt_from(array)
+
+
+@pytest.mark.parametrize("kinds", [2, 4])
+def test_what_cannot_be_learnt_is_not_turned_round(kinds):
+    """Labels without a relation to the rows: no machine names its own rows below chance."""
+    for seed in range(12):
+        rows = np.random.default_rng(seed).uniform(1.0, 9.0, (40, 6))
+        labels = np.arange(40) % kinds
+        machine = RbfMachine().fit(rows, labels)
+        assert (machine.predict(rows) == labels).mean() >= 1.0 / kinds

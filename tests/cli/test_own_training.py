@@ -286,3 +286,14 @@ def test_a_recording_without_samples_is_named_and_breaks_nothing(tmp_path):
     )
     with pytest.warns(SkinWarning, match="no samples"):
         assert "0 touches in 0 samples" in CliRunner().invoke(cli, ["classify", str(path)]).output
+
+
+def test_raw_values_are_not_asked_about_other_parts(days, tmp_path):
+    """Taxels are read by number: those of another part have nothing to do with them."""
+    model = tmp_path / "raw.skinmodel"
+    told = run("train", days, "--part", "torso", "--classifier", "raw-rbf", "-o", model)
+    assert told["accuracy"]["other_parts"] is None
+    assert told["warnings"] == [
+        "raw-rbf reads taxels by number; not tested on other parts: left_arm"
+    ]
+    assert model.exists()

@@ -157,6 +157,13 @@ def test_prints_of_the_test_do_not_reach_the_answers(
                 assert all(np.array_equal(first[k], second[k]) for k in first.files)
 
 
+def test_prints_people_may_be_names(files: tuple[Path, Path], tmp_path: Path) -> None:
+    train, test = files
+    with np.load(train) as held:
+        names = np.char.add("p", held["person"].astype(str))
+    assert run(changed(train, tmp_path / "named.npz", person=names), test)["people"] == 5
+
+
 def test_prints_answers_are_empty_without_a_touch(files: tuple[Path, Path], tmp_path: Path) -> None:
     quiet = tmp_path / "quiet.npz"
     np.savez(quiet, readings=np.zeros((3, ROWS, COLUMNS), np.int16))

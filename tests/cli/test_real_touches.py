@@ -191,6 +191,21 @@ def test_planted_grasps_are_few_contacts(tmp_path):
     assert found["files"] == ["evaluation.json", "report.html"]
 
 
+def test_hands_stand_beside_fingers_with_a_skin_of_their_own(tmp_path):
+    """The layout of the page on fingers: the skin of the sub-folder is that of its recordings."""
+    for name in ("fingers.npz", "skin.json", "handles/hands.npz", "handles/skin.json"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).touch()
+    hands = tmp_path / "handles"
+    assert find_pressed(tmp_path, "hands*.npz", "handles") == (
+        hands / "hands.npz",
+        hands / "skin.json",
+    )
+    (hands / "two.json").touch()
+    with pytest.raises(SkinError, match=r"2 skins \(handles/skin.json, handles/two.json\)"):
+        find_pressed(tmp_path, "hands*.npz", "handles")
+
+
 def test_bad_data_is_refused_with_one_line(tmp_path, fingers):
     said = refused("--protocol", "fingers")
     assert "needs its file or folder; got 0 of them" in said

@@ -361,3 +361,12 @@ def test_parts_that_lost_samples_play_beside_each_other(tmp_path):
     expected = values[:, 0].copy()
     expected[[20, 90, 91]] = 19, 89, 89
     np.testing.assert_array_equal(track.values[:][:, 3], expected)
+
+
+def test_a_mapping_beside_arrays_is_used_in_python_and_passed_over_in_a_pattern(
+    tmp_path, channels, values
+):
+    named = written(tmp_path, "npz", channels, values)
+    assert skinmap.load_recordings(named)[0].labels == ("poke",)
+    result = CliRunner().invoke(cli, ["train", *map(str, sorted(tmp_path.glob("t.*")))])
+    assert "two labels or more; marked are: 1 poke" in str(result.exception)

@@ -48,7 +48,6 @@ def test_folders_of_pictures_are_read(tmp_path, rng):
     ("pixels", "match"),
     [
         (np.zeros((66, 100), np.uint8), "black everywhere"),
-        (np.full((66, 100), 900, np.uint16), "grey images of 8 bits"),
         (np.full((10, 10), 9, np.uint8), "images are of one size"),
     ],
 )
@@ -102,3 +101,15 @@ def test_export_writes_an_image_a_touch_and_never_over_others(tmp_path):
     again = CliRunner().invoke(cli, words)
     assert isinstance(again.exception, OutputError)
     assert "is there already" in str(again.exception)
+
+
+def test_pictures_of_16_bits_and_with_alpha_are_read(tmp_path, rng):
+    pixels = rng.integers(1, 256, (22, 38)).astype(np.uint8)
+    mask = np.where(np.arange(38) < 10, 0, 255)[None].repeat(22, 0).astype(np.uint8)
+    (tmp_path / "hand").mkdir()
+    Image.fromarray(pixels.astype(np.uint16) * 257).save(tmp_path / "hand" / "a.png")
+    shown = (Image.fromarray(pixels), Image.fromarray(mask))
+    Image.merge("LA", shown).save(tmp_path / "hand" / "b.png")
+    deep, masked = read_images(tmp_path).images
+    np.testing.assert_array_equal(deep, pixels)
+    np.testing.assert_array_equal(masked, np.where(mask > 0, pixels, 0))

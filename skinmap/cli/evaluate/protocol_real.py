@@ -270,6 +270,8 @@ class Grid:
             self._check_prints(rows, columns)
         self.person: IntArray | None = None
         if "person" in held:
+            if held["person"].dtype.kind == "U":  # names
+                held["person"] = np.unique(held["person"], return_inverse=True)[1]
             self.person = self._numbers("person", 1)
             if len(self.person) != count:
                 raise DataFormatError(f"person of {len(self.person)} for {count} images", path)
@@ -400,7 +402,7 @@ def prints_lines(result: PrintsResult) -> Iterator[str | Table]:
     own = result.own_area_error_median
     rows: Rows = [
         ["contacts with a print", result.judged],
-        ["prints without a contact", result.missed],
+        ["prints without a contact of 5 readings above 60", result.missed],
         ["error of the area, median [%]", percent(result.area_error_median)],
         ["90th percentile [%]", percent(result.area_error_p90)],
         [f"median with {OWN} prints of the same person [%]", percent(own)],

@@ -143,7 +143,7 @@ def find_pressed(folder: Path, kind: str, place: str) -> tuple[Path, Path]:
     """The archive and the skin of one kind of recordings in a folder.
 
     They stand in the folder or in a sub-folder of it; `fingers.npz` beside or above the JSON of
-    its patch, say.
+    its patch, say. A skin of the sub-folder comes before those of the folder.
 
     Parameters
     ----------
@@ -164,12 +164,13 @@ def find_pressed(folder: Path, kind: str, place: str) -> tuple[Path, Path]:
     archives = [path for one in where for path in sorted(one.glob(kind))]
     if not archives:
         raise MissingFileError(folder / kind, f"samples there or in {place}/")
-    skins = [path for one in reversed(where) for path in sorted(one.glob("*.json"))]
+    found = [sorted(one.glob("*.json")) for one in reversed(where)]
+    skins = next((own for own in found if own), [])  # the sub-folder's before those above it
     if not skins:
         raise MissingFileError(
             folder / "*.json", f"the CySkin file of the skin there or in {place}/"
         )
     if len(skins) > 1:
-        names = ", ".join(path.name for path in skins[:3])
+        names = ", ".join(str(path.relative_to(folder)) for path in skins[:3])
         raise DataFormatError(f"{len(skins)} skins ({names}): leave the one recorded on", folder)
     return archives[0], skins[0]

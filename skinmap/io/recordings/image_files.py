@@ -149,9 +149,15 @@ def _picture(path: Path) -> NDArray[np.uint8]:
     pillow = import_optional("PIL.Image", NEED)
     try:
         with pillow.open(path) as file:
-            if file.mode not in ("L", "P", "1", "RGB", "RGBA"):
-                raise DataFormatError(f"grey images of 8 bits are read, this is {file.mode}", path)
-            image = np.asarray(file.convert("L"))
+            deep = file.mode.startswith("I;16")
+            if not deep and file.mode not in ("L", "LA", "P", "1", "RGB", "RGBA"):
+                raise DataFormatError(
+                    f"grey images of 8 or 16 bits are read, this is {file.mode}", path
+                )
+            grey = np.asarray(file) / 257.0 if deep else np.asarray(file.convert("L"))
+            if "A" in file.getbands():  # nothing is touched where the picture is transparent
+                grey = grey * (np.asarray(file.getchannel("A")) / 255.0)
+            image = np.rint(grey).astype(np.uint8)
     except (OSError, SyntaxError, ValueError) as error:
         if isinstance(error, DataFormatError):
             raise

@@ -214,7 +214,8 @@ def load_recordings(path: str | Path) -> list[Recording]:
     Parameters
     ----------
     path : str or Path
-        A file of `save_recordings`, `skinmap simulate`, `record` or `export`: .npz or .mcap.
+        A file of `save_recordings`, `skinmap simulate`, `record` or `export`: .npz or .mcap; or
+        others' arrays (.npz) with a mapping.
 
     Returns
     -------
@@ -243,6 +244,8 @@ def load_recordings(path: str | Path) -> list[Recording]:
         raise MissingFileError(path, "a recording made by `skinmap simulate` or `skinmap record`")
     check_suffix(path)
     npz = path.suffix.lower() == ".npz"
+    if npz and not is_own_archive(path) and find_mapping(path) is not None:
+        return read_recordings(path)
     track = exported_track(path) if npz else warn_of_loss(read_track(path), path)
     return archive.load_recordings(path) if track is None else recordings_of(track, path)
 

@@ -96,7 +96,7 @@ def evaluate_recordings(
     list of AccuracyRow
         For each classifier and kind of folds.
     list of LeakRow
-        By how much plain folds flatter each classifier.
+        By how much plain folds flatter each classifier that names better than chance in either.
     dict of str to str
         Classifiers that were skipped, and why.
 
@@ -146,10 +146,12 @@ def evaluate_recordings(
             raise InvalidArrayError(f"{name}: {why}")
         skipped[name] = why
     means = {(row.classifier, row.folds): row.mean for row in table}
+    even = 1.0 / len(np.unique(labels))
+    least = even + AT_CHANCE * float(np.sqrt(even * (1.0 - even) / len(labels)))
     leak = [
         LeakRow(classifier=name, points=100.0 * (mean - means[name, "event"]))
         for (name, kind), mean in means.items()
-        if kind == "plain" and (name, "event") in means
+        if kind == "plain" and max(mean, means.get((name, "event"), np.nan)) > least
     ]
     return table, leak, skipped
 
@@ -185,8 +187,11 @@ def _cross_validate(
     else:
         sides = _split_samples(touches, folds, rng)
     named, truth = [], []
-    for train, test in sides:
-        model = classifiers.get(classifier)().fit(train, rng=rng)
+    for number, (train, test) in enumerate(sides, 1):
+        try:
+            model = classifiers.get(classifier)().fit(train, rng=rng)
+        except InvalidArrayError as error:
+            raise InvalidArrayError(f"fold {number} of {folds}: {error}") from None
         named += [likeliest(model, touch).label for touch in test]
         truth += [touch.label for touch in test]
     return np.array(named), np.array(truth)
@@ -216,6 +221,7 @@ Way = Literal["event", "session", "person", "place", "part"]
 NAIVE: Way = "event"
 MAX_GROUPS = 10  # more groups than that are left out several at a time
 REGIONS = 4  # places of a part
+AT_CHANCE = 2.33  # standard deviations above chance that one draw in a hundred exceeds
 SURE = 0.01  # a control so unlikely to come by chance is a leak
 RIDGE = 10.0  # of standardised values; flat for a factor of ten around here on simulated rest
 
@@ -331,6 +337,19 @@ def _of_one_group(groups: Names, labels: Names) -> dict[str, str]:
     return {label: str(own[0]) for label, own in having.items() if len(own) == 1}
 
 
+def _nested(groups: Names, right: BoolArray, labels: Names) -> bool:
+    """Whether no group has two labels, and too few groups are named right for that not to matter.
+
+    Touches of such a group are right or wrong together.
+    """
+    own = [groups == one for one in np.unique(groups)]
+    if any(len(np.unique(labels[rows])) > 1 for rows in own):
+        return False
+    held = np.array([str(labels[rows][0]) for rows in own])
+    chance = float(np.unique(held, return_counts=True)[1].max() / len(held))
+    return not _no_chance(np.array([right[rows].mean() > 0.5 for rows in own]), chance)
+
+
 def _dealt(number: IntArray, labels: Names) -> IntArray:
     """Fold of each row: groups dealt out so that folds are of about equal size.
 
@@ -385,13 +404,12 @@ def run_left_out(classifier: str, way: Way, *, judged: Judged, folds: int, seed:
         "raw": _raw_names(rest, labels, splits),
     }
     controls = {name: control_of(own, labels, units, judged.chance) for name, own in said.items()}
-    right = float((named == labels).mean())
-    meaning, verdict = meaning_of(right, controls, way, judged)
+    meaning, verdict = meaning_of(named, controls, way, judged)
     return replace(
         row,
         per_class=per_class,
         mean=float(np.mean(list(per_class.values()))),
-        right=right,
+        right=float((named == labels).mean()),
         meaning=meaning,
         verdict=verdict,
         control=controls["control"].share,
@@ -506,22 +524,55 @@ def control_of(
     return Control(share, "yes" if _no_chance(together, chance) else "perhaps")
 
 
-def _no_chance(right: BoolArray, chance: float) -> bool:
+def _no_chance(right: BoolArray, chance: float, *, below: bool = False) -> bool:
     from scipy.stats import binomtest
 
-    test = binomtest(int(right.sum()), len(right), chance, alternative="greater")
+    side: Literal["less", "greater"] = "less" if below else "greater"
+    test = binomtest(int(right.sum()), len(right), chance, alternative=side)
     return bool(test.pvalue < SURE)
 
 
+def at_chance(named: Names, labels: Names) -> tuple[Meaning, str] | None:
+    """A figure that names drawn without a look at the touches give as well; None for a better one.
+
+    Chance is the share named right if names and labels, as frequent as they are, were independent:
+    with uneven labels a figure below the share of the most frequent one may still mean something.
+
+    Parameters
+    ----------
+    named, labels : (m,) array of str
+
+    Examples
+    --------
+    >>> labels = np.array(["poke", "rub"] * 20)
+    >>> at_chance(labels, labels)
+    >>> at_chance(labels[::-1], labels)[1]
+    'is far below chance: labels are exchanged, or confounded with the groups'
+    """
+    right = named == labels
+    share = float(right.mean())
+    chance = sum(float((labels == one).mean() * (named == one).mean()) for one in np.unique(labels))
+    if share < chance / 2 and _no_chance(right, chance, below=True):
+        return (
+            "no",
+            "is far below chance: labels are exchanged, or confounded with the groups",
+        )
+    if _no_chance(right, chance):
+        return None
+    if share >= (1.0 + chance) / 2:
+        return "doubtful", "is doubtful: of so few touches that may be chance; record more"
+    return "no", "is not above chance"
+
+
 def meaning_of(
-    right: float, controls: Mapping[str, Control], way: Way, judged: Judged
+    named: Names, controls: Mapping[str, Control], way: Way, judged: Judged
 ) -> tuple[Meaning, str]:
     """Whether a figure says something of touches, and why, in one line.
 
     Parameters
     ----------
-    right : float
-        Share of the touches named right.
+    named : (m,) array of str
+        What the touches were named.
     controls : mapping of str to Control
         `control`, `first` and `raw`.
     way : str
@@ -529,8 +580,11 @@ def meaning_of(
     judged : Judged
     """
     split = "touches dealt out" if way == NAIVE else f"a {way} left out"
-    figure = f"{100 * right:.1f} % with {split}"
+    right, labels = named == judged.labels, judged.labels
+    figure = f"{100 * right.mean():.1f} % with {split}"
     chance = f"chance is {100 * judged.chance:.1f} %"
+    if (none := at_chance(named, labels)) is not None:
+        return none[0], f"{figure} {none[1]}; {chance}"
     who = {
         "control": "the same classifier names {} before the touches",
         "first": "the same classifier names {} of the first samples",
@@ -549,6 +603,11 @@ def meaning_of(
                 f"{figure} is doubtful: {said[name]}, {chance}; of so few sessions that may be "
                 "chance: record more"
             )
+    if way in ("session", "person") and _nested(judged.groups[way], right, labels):
+        return "doubtful", (
+            f"{figure} is doubtful: each {way} recorded one label only, so {way} and touch cannot "
+            f"be separated; record several labels in each {way}"
+        )
     if way != "session" and (alone := _of_one_group(judged.groups["session"], judged.labels)):
         return "doubtful", (
             f"{figure} is doubtful: {', '.join(alone)} recorded in one session only, so session "

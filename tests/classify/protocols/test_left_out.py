@@ -9,7 +9,16 @@ import pytest
 
 from skinmap.errors import InvalidArrayError
 from skinmap.recognition.descriptors import Touch, recorded_touches
-from skinmap.recognition.protocols.recordings import MAX_GROUPS, _at, _split_samples, group_folds
+from skinmap.recognition.protocols.recordings import (
+    MAX_GROUPS,
+    Control,
+    Judged,
+    _at,
+    _split_samples,
+    at_chance,
+    group_folds,
+    meaning_of,
+)
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES, motion_features
 from skinmap.touch.simulation.simulator import simulate
 
@@ -98,3 +107,41 @@ def test_samples_dealt_out_last_as_long_as_the_touch_that_they_are_of(recorded, 
         for side in sides:
             assert len(side) == len(touches)
             np.testing.assert_allclose([len(t.samples) / t.rate for t in side], whole)
+
+
+QUIET = {name: Control(0.5, "no") for name in ("control", "first", "raw")}
+
+
+@pytest.mark.parametrize(
+    ("figure", "nested", "meaning", "word"),
+    [
+        (1.0, False, "yes", "means something"),
+        (0.85, False, "yes", "means something"),
+        (0.55, False, "no", "is not above chance"),
+        (0.0, False, "no", "far below chance: labels are exchanged"),
+        (1.0, True, "doubtful", "each session recorded one label only"),
+    ],
+)
+def test_a_figure_is_held_against_chance(recorded, figure, nested, meaning, word):
+    """Forty touches of two labels and four sessions, with controls at chance."""
+    labels = np.repeat(["full_finger", "poke"], 20)
+    sessions = (
+        np.repeat(["a", "b", "c", "d"], 10) if nested else np.array(["a", "b", "c", "d"] * 10)
+    )
+    one = recorded_touches(*recorded[:2])[0]
+    touches = tuple(replace(one, label=str(label)) for label in labels)
+    before = (one.samples[:3],) * len(touches)
+    judged = Judged(touches, {"session": sessions}, before, before)
+    right = np.arange(40) % 20 < 20 * figure
+    named = np.where(right, labels, labels[::-1])
+    got, verdict = meaning_of(named, QUIET, "session", judged)
+    assert (got, word in verdict) == (meaning, True)
+
+
+def test_uneven_labels_may_mean_something_below_the_share_of_the_frequent_one():
+    """Chance of a figure is that of names as frequent as they were given."""
+    labels = np.array(["poke"] * 90 + ["rub"] * 10)
+    named = labels.copy()
+    named[:12] = "rub"
+    assert at_chance(named, labels) is None
+    assert at_chance(np.full(100, "poke"), labels) == ("no", "is not above chance")

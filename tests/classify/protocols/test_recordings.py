@@ -107,3 +107,10 @@ def test_labels_that_differ_in_signs_numbers_or_marks_are_not_one_label():
 def test_a_recording_from_another_skin_is_refused(tmp_path, recording):
     with pytest.raises(SkinMismatchError, match="has 240 taxels, the skin of iCub has 380"):
         judged(tmp_path / "t.npz", replace(recording, part="right_leg_lower"))
+
+
+def test_the_fold_that_cannot_be_learnt_is_named(touches):
+    few = [touch for label in ("poke", "full_finger")
+           for touch in [one for one in touches if one.label == label][:5]]  # fmt: skip
+    with pytest.raises(InvalidArrayError, match=r"fold 1 of 4: training needs .* of each 5"):
+        evaluate_recordings(few, names=["contact-geometry"], seeds=[0], folds=4)
