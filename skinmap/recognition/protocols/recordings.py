@@ -149,9 +149,10 @@ def evaluate_recordings(
     even = 1.0 / len(np.unique(labels))
     least = even + AT_CHANCE * float(np.sqrt(even * (1.0 - even) / len(labels)))
     leak = [
-        LeakRow(classifier=name, points=100.0 * (mean - means[name, "event"]))
+        LeakRow(classifier=name, points=100.0 * (mean - honest))
         for (name, kind), mean in means.items()
-        if kind == "plain" and max(mean, means.get((name, "event"), np.nan)) > least
+        if kind == "plain" and (honest := means.get((name, "event"))) is not None
+        if max(mean, honest) > least
     ]
     return table, leak, skipped
 
