@@ -37,6 +37,8 @@ class ResponseResult(Calibrated):
         Numbers of channels by state.
     unfit
         Channels that are not to be used.
+    restless
+        Channels that jump at rest: their thresholds are from their median noise.
     gain
         Whether load curves were found.
     explained
@@ -51,6 +53,7 @@ class ResponseResult(Calibrated):
     channels: int
     health: dict[str, int]
     unfit: list[int]
+    restless: list[int]
     gain: bool
     explained: float | None
     rate: float
@@ -90,10 +93,11 @@ def work(
 
     from calibration.files.mount_files import rate_of, read_samples, sign_of
     from calibration.response.gain import ReferenceLoads, explained
-    from calibration.response.response import RATE, Health, ResponseCalibration
+    from calibration.response.response import RATE, Health, ResponseCalibration, restless
     from skinmap.skin.skin import fingerprint
 
     arrays = read_samples(rest)
+    samples = np.asarray(arrays["samples"], np.float64)
     loads = None
     if reference is not None:
         given = read_samples(reference, ("samples", "loads"))
@@ -101,7 +105,7 @@ def work(
     skin = skin_of(robot, part, np.shape(arrays["samples"])[-1])
     marks = "" if skin is None else fingerprint(skin)
     found = ResponseCalibration.fit(
-        arrays["samples"],
+        samples,
         loads,
         sign=sign_of(arrays, rest),
         rate=rate_of(arrays, rest) or RATE,
@@ -126,6 +130,7 @@ def work(
         channels=len(found),
         health=health,
         unfit=np.flatnonzero(unfit).tolist(),
+        restless=np.flatnonzero(restless(samples, found.baseline, found.noise)).tolist(),
         gain=found.gain is not None,
         explained=share,
         rate=found.rate,
@@ -153,5 +158,8 @@ def _lines(result: ResponseResult) -> Iterator[str]:
     states = ", ".join(f"{count} {state}" for state, count in result.health.items() if count)
     yield f"{result.channels} channels: {states}"
     yield f"unfit: {first_few(result.unfit, MAX_NAMED) or 'none'}"
+    if result.restless:
+        named = first_few(result.restless, MAX_NAMED)
+        yield f"touched at rest, or with bursts of noise: {named}; record rest again"
     if result.explained is not None:
         yield f"curves explain {percent(result.explained)} % of the answers under load"

@@ -114,6 +114,8 @@ class Doubt(StrEnum):
     MISFIT = "an anchor is not where the others predict it"
     STRETCHED = "lengths do not fit"
     FOLDED = "the sheet is folded or inside out"
+    OVERLAP = "the board lies on itself"
+    EDGE = "the sheet turns round an edge beyond the evidence"
     SCALE = "another scale"
     DISAGREE = "touches contradict each other"
     RIVAL = "another place fits as well"

@@ -6,10 +6,10 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import ConvexHull
+from scipy.spatial import ConvexHull, cKDTree
 from scipy.special import chdtri
 
-from calibration.patch.link_surface import SCALE, Target, chords, facing
+from calibration.patch.link_surface import SCALE, Board, Target, chords, facing
 from calibration.patch.minima import Minimum
 from calibration.patch.patch_calibration import (
     Doubt,
@@ -21,6 +21,8 @@ from calibration.patch.patch_calibration import (
 from calibration.patch.sheet_model import ROUGHLY, Evidence
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.proximity import median_spacing
+from skinmap.geometry.triangles import unit
+from skinmap.summary import first_few
 
 COVERAGE = 0.25  # share of the patch inside the hull of its evidence
 # A second minimum that costs less than this much more is as good: costs are twice a log likelihood,
@@ -47,12 +49,17 @@ NEXT = 3  # places to measure next that are named
 ASTRAY = 0.03
 STRETCHED = 0.03  # rms of strain that was not expected: above, this is not the board
 OFF_SCALE = 3.5  # standard deviations of the scale: above, the board is drawn in another one
+# A sheet follows an edge that its evidence does not reach, where the board may stand out straight
+# (by a circle's bend, 45 degrees in 15 mm are a radius of 19 mm). On tubes its evidence bends too.
+EDGE, SHARPER = np.radians(45.0), 1.5  # turn of a pair, and times the sharpest inside the hull
+FAR_ON_BOARD, ON_ITSELF = 3.0, 0.5  # pitches on the board and in space of taxels that overlap
 FOLDED = 0.1  # share of the sheet that faces inward: above, it is folded
 
 STATUS = {
     Doubt.WIDE: Status.UNOBSERVABLE,
     Doubt.COVERAGE: Status.LOW_COVERAGE,
     Doubt.FEW: Status.LOW_COVERAGE,
+    Doubt.EDGE: Status.LOW_COVERAGE,
     Doubt.UNSETTLED: Status.NOT_SETTLED,
 }  # that a doubt comes to; all others leave the patch ambiguous
 Finding = tuple[Doubt, str]
@@ -107,13 +114,15 @@ def judge(
     needed = TOUCHED if evidence.doubted.any() else COVERAGE
     stated = _widening(evidence, best.cost) * covariance
     if share < needed:
-        stated = stated + _astray(board.layout, places)[:, None, None] * np.eye(3)
+        astray = ASTRAY * _beyond(board.layout, places)
+        stated = stated + astray[:, None, None] ** 2 * np.eye(3)
     chord, _, wanted = chords(board, x, normals)
     strain = chord / wanted - 1.0
     expected = np.exp(board.expected + board.fields @ best.state.strain) - 1.0
     unexpected = (1.0 + strain) / (1.0 + expected) - 1.0
     found = [
         *_folded(target, x, faces, normals),
+        *_overlapping(board, x, normals, names),
         *_contradictions(evidence, left_out, names),
         *_costly(evidence, best.cost),
         *_stretched(unexpected),
@@ -122,6 +131,7 @@ def judge(
         *_ambiguous(minima, spacing, names),
         *_doubted(evidence, agrees),
         *_uncovered(share, needed),
+        *_round_an_edge(board, faces, places, names),
         *_unsettled(best.state.moved),
     ]
     kinds = {"anchors": ~evidence.doubted, "touches": evidence.doubted}
@@ -172,11 +182,56 @@ def coverage(layout: FloatArray, places: FloatArray) -> float:
     return float(ConvexHull(places).volume / ConvexHull(layout).volume)
 
 
-def _astray(layout: FloatArray, places: FloatArray) -> FloatArray:
-    """(n,) variances of each coordinate [m2] by the distance from the hull of places (k, 2)."""
+def _overlapping(
+    board: Board, positions: FloatArray, normals: FloatArray, names: Names
+) -> Iterator[Finding]:
+    """A board that comes round to itself: taxels from far apart on it at one place of the link."""
+    pitch = median_spacing(board.layout)
+    pairs = cKDTree(positions).query_pairs(ON_ITSELF * pitch, output_type="ndarray")
+    i, j = pairs.T
+    sides = np.sort(board.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+    edges, count = np.unique(sides, axis=0, return_counts=True)
+    inner = np.setdiff1d(board.triangles, edges[count == 1])  # where two borders meet is a seam
+    far = np.linalg.norm(board.layout[i] - board.layout[j], axis=1) > FAR_ON_BOARD * pitch
+    far &= (np.einsum("pd,pd->p", normals[i], normals[j]) > 0.5) & np.isin(pairs, inner).any(axis=1)
+    if far.any():
+        one, other = pairs[far][0].tolist()
+        apart = 1e3 * np.linalg.norm(positions[one] - positions[other])
+        words = f"channels {names.taxel(one)} and {names.taxel(other)} ({apart:.1f} mm apart)"
+        yield Doubt.OVERLAP, f"the board lies on itself at {words}: it is longer than the link"
+
+
+def _round_an_edge(
+    board: Board, faces: FloatArray, places: FloatArray, names: Names
+) -> Iterator[Finding]:
+    """A sheet that turns round an edge beyond the hull of its evidence, at places (k, 2)."""
+    i, j = board.pairs.T
+    normals = unit(faces)  # of the sheet: the link's jump from side to side where it is thin
+    gap = _beyond(board.layout, places)
+    beyond = gap > 0.5 * median_spacing(board.layout)
+    turn = np.arccos(np.clip(np.einsum("pd,pd->p", normals[i], normals[j]), -1.0, 1.0))
+    inside = ~(beyond[i] | beyond[j])
+    rate = float(np.max(turn[inside] / board.lengths[inside], initial=0.0))
+    sharp = (
+        ~inside
+        & (faces[i].any(axis=1) & faces[j].any(axis=1))
+        & (turn > np.maximum(EDGE, SHARPER * rate * board.lengths))
+    )
+    round_it = np.unique(np.where(gap[i] > gap[j], i, j)[sharp])
+    if len(round_it):
+        named = first_few([names.taxel(row) for row in round_it.tolist()])
+        yield (
+            Doubt.EDGE,
+            f"the sheet turns round an edge beyond its evidence, at {len(round_it)} taxels: "
+            f"channels {named}. Measure one there; a board that overhangs has no place on the link",
+        )
+
+
+def _beyond(layout: FloatArray, places: FloatArray) -> FloatArray:
+    """(n,) distances of a layout (n, 2) from the hull of places (k, 2) [m]."""
     if len(places) < 3 or np.linalg.matrix_rank(places - places.mean(axis=0), tol=1e-6) < 2:
         gap = np.linalg.norm(layout[:, None] - places[None], axis=2).min(axis=1, initial=np.inf)
-        return np.asarray((ASTRAY * np.where(np.isfinite(gap), gap, np.ptp(layout))) ** 2)
+        return np.where(np.isfinite(gap), gap, np.ptp(layout))
     hull = ConvexHull(places)
     inside = (layout @ hull.equations[:, :2].T + hull.equations[:, 2] <= 0.0).all(axis=1)
     start = places[hull.vertices]
@@ -184,8 +239,7 @@ def _astray(layout: FloatArray, places: FloatArray) -> FloatArray:
     off = layout[:, None] - start[None]
     along = np.einsum("nkd,kd->nk", off, side) / np.einsum("kd,kd->k", side, side)
     away = off - np.clip(along, 0.0, 1.0)[..., None] * side
-    gap = np.where(inside, 0.0, np.linalg.norm(away, axis=2).min(axis=1))
-    return np.asarray((ASTRAY * gap) ** 2)
+    return np.where(inside, 0.0, np.linalg.norm(away, axis=2).min(axis=1))
 
 
 def _uncovered(share: float, needed: float) -> Iterator[Finding]:

@@ -311,6 +311,7 @@ def _with_free_scale(board: Board) -> FloatArray:
 
 FAR = 0.05  # a touch further than this from the link cannot have touched it [m]
 PLACE = 0.15  # of the pitch: how well the centre of activated taxels tells the place of a touch
+LONE = 0.3  # the same where one channel alone felt it: anywhere in its cell, of a deviation of .29
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -439,7 +440,8 @@ def check_touches(layout: FloatArray, link: Link, touches: Sequence[Touch]) -> E
             f"touches {far.tolist()} lie up to {distance.max():.3g} m from the mesh: another "
             "link, frame or unit?"
         )
-    spread = np.hypot(sigma, PLACE * median_spacing(layout))
+    told = np.where((blend > 0.0).sum(axis=1) == 1, LONE, PLACE)
+    spread = np.hypot(sigma, told * median_spacing(layout))
     return Evidence(blend, points, spread, np.ones(len(touches), bool))
 
 

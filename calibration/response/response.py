@@ -34,6 +34,7 @@ from skinmap.summary import Summary
 
 RATE = 50.0  # samples a second
 FEWEST = 50  # samples at rest: a second
+NORMAL_95 = 1.645  # 95th percentile of normal noise, in deviations
 MARGIN = 4.0  # counts above the noise's 95th percentile that make a touch
 LEAST_NOISE = 0.3  # counts: quantisation alone has a deviation of 1 / sqrt(12)
 NOISY = 5.0  # times the median noise of the skin
@@ -218,7 +219,10 @@ class ResponseCalibration(Summary):
         # Whole counts: a median deviation of zero hides noise below half a count.
         noise = np.maximum(noise, np.minimum(samples.std(axis=0), LEAST_NOISE))
         threshold = np.percentile(deviation, 95, axis=0) + MARGIN
-        _check_rest(deviation, noise)
+        moved = restless(samples, baseline, noise)
+        _check_rest(deviation, moved)
+        # A touch would be the noise of its channels, and deafen them.
+        threshold[moved] = NORMAL_95 * noise[moved] + MARGIN
         health = _health(samples, baseline, noise, threshold, reference, sign)
         gain = None
         if reference is not None:
@@ -323,14 +327,18 @@ def _check_sign(reference: ReferenceLoads, baseline: FloatArray, sign: int) -> N
         )
 
 
-def _check_rest(deviation: FloatArray, noise: FloatArray) -> None:
+def restless(rest: FloatArray, baseline: FloatArray, noise: FloatArray) -> BoolArray:
+    """Channels (n,) that jump in samples (t, n) at rest: touched, or with bursts of noise."""
+    away = np.percentile(np.abs(rest - baseline), 95, axis=0)
+    return np.asarray((away > RESTLESS * noise) & (away > 2.0 * MARGIN))
+
+
+def _check_rest(deviation: FloatArray, moved: BoolArray) -> None:
     """Refuse samples (t, n) off the baseline [counts] of a skin that did not rest."""
-    away = np.percentile(np.abs(deviation), 95, axis=0)
-    restless = (away > RESTLESS * noise) & (away > 2.0 * MARGIN)
     common = float(np.ptp(np.percentile(np.median(deviation, axis=1), (5, 95))))
-    if restless.mean() > TOUCHED or common > COMMON:
+    if moved.mean() > TOUCHED or common > COMMON:
         raise InvalidArrayError(
-            f"rest was touched: {int(restless.sum())} of {len(noise)} channels jump, all together "
+            f"rest was touched: {int(moved.sum())} of {len(moved)} channels jump, all together "
             f"by {common:.0f} counts; thresholds from it would miss touches"
         )
 

@@ -347,6 +347,19 @@ def test_a_touched_skin_does_not_rest(rng, share):
         ResponseCalibration.fit(rest)
 
 
+def test_a_touch_at_rest_deafens_no_channel(rng, tmp_path):
+    rest = at_rest(rng)
+    rest[200:300, 3] += 40
+    np.save(tmp_path / "rest.npy", rest)
+    run = CliRunner().invoke(
+        calibrate, ["response", str(tmp_path / "rest.npy"), "-o", str(tmp_path / "out")]
+    )
+    assert run.exit_code == 0, run.output
+    assert "touched at rest, or with bursts of noise: 3;" in run.output
+    threshold = load_response(tmp_path / "out" / "response.npz").threshold
+    assert threshold[3] < 1.5 * np.median(threshold)  # 44 of a 95th percentile
+
+
 def test_volts_and_milliseconds_are_refused(rng):
     rest = at_rest(rng)
     with pytest.raises(InvalidArrayError, match="are they volts"):

@@ -180,3 +180,12 @@ def test_touches_on_a_board_drawn_from_its_other_side_are_told(bent, rng):
     assert found.status is not Status.OK
     assert found.mirrored
     assert "drawn from the other side" in found.reasons[0]
+
+
+def test_a_touch_that_one_channel_felt_may_be_anywhere_in_its_cell(bent, rng):
+    layout, vertices, faces = bent.layout, bent.vertices, bent.faces
+    touches = touched(bent, 12, rng)
+    lone = [Touch(t.point, t.sigma, t.channels[:1], t.values[:1] + 1.0) for t in touches]
+    wide = check_touches(layout, (vertices, faces), lone).sigma
+    pitch = np.median(np.sort(np.linalg.norm(layout[:, None] - layout[None], axis=2))[:, 1])
+    assert (wide > 0.28 * pitch).all()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import trimesh
 
 from benchmarks.calibration.calibrations import anchored
 from benchmarks.calibration.links import family_cases
@@ -457,3 +458,32 @@ def test_wrap_lays_a_hand_of_the_icub_on_its_link(icub):
     assert found.status is Status.OK
     # Within three times what was predicted: the plan of a test, not of a benchmark.
     assert miss(found, truth) < 3 * np.median(found.predicted_sd)
+
+
+def grid(wide, high, pitch):
+    x, y = np.meshgrid(np.arange(0, wide + 1e-9, pitch), np.arange(0, high + 1e-9, pitch))
+    return np.column_stack([x.ravel() - wide / 2, y.ravel() - high / 2])
+
+
+def test_a_board_that_overhangs_its_link_is_not_ok(rng):
+    plate = trimesh.creation.box((0.1, 0.08, 0.01))
+    layout = grid(0.14, 0.06, 0.01)
+    truth = np.column_stack([layout, np.full(len(layout), 5.5e-3)])
+    x, y = np.abs(layout).T
+    known = np.flatnonzero((np.abs(x - 0.04) < 1e-6) & (np.abs(y - 0.03) < 1e-6))
+    points = truth[known] + rng.normal(0, 1e-3, (4, 3))
+    found = wrap_layout(layout, plate.vertices, plate.faces, known, points, rng=0)
+    assert found.status is Status.LOW_COVERAGE
+    assert "turns round an edge beyond its evidence" in found.reasons[-1]
+
+
+def test_a_board_longer_than_the_link_is_round_lies_on_itself(rng):
+    tube = trimesh.creation.cylinder(0.02, 0.12, sections=96)
+    layout = grid(0.16, 0.04, 0.01)
+    turn = layout[:, 0] / 0.0205
+    truth = np.column_stack([0.0205 * np.cos(turn), 0.0205 * np.sin(turn), layout[:, 1]])
+    known = np.array([0, 6, 11, 16, 68, 73, 78, 84])
+    points = truth[known] + rng.normal(0, 1e-3, (8, 3))
+    found = wrap_layout(layout, tube.vertices, tube.faces, known, points, rng=0)
+    assert Doubt.OVERLAP in found.doubts, found.reasons
+    assert found.status is Status.AMBIGUOUS
