@@ -474,6 +474,15 @@ def test_a_clock_that_falls_does_not_make_a_recording_longer(tmp_path, values):
     assert recorder.counts.written == 150 + 1
 
 
+def test_a_clock_that_jumps_ahead_does_not_end_a_recording(tmp_path, values):
+    steps = np.repeat([0.0, 500.0], [50, 150])
+    planned = [Block(np.array([10.0 + k / 50 + steps[k]]), values[k : k + 1], 10.0 + k / 50)
+               for k in range(200)]  # fmt: skip
+    with pytest.warns(SkinWarning, match="went on by 500 s that did not pass"):
+        _, recorder, _ = tapped(tmp_path, Planned(*planned), seconds=3.0)
+    assert recorder.counts.written == 150 + 1
+
+
 def test_samples_of_another_width_are_counted_and_end_no_recording(tmp_path, values):
     planned = [block(values, 0, 5), block(values[:, :-1], 5, 2), block(values, 7, 5)]
     tap, recorder, given = tapped(tmp_path, Planned(*planned), seconds=0.24)

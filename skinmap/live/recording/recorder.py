@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from skinmap.arrays import FloatArray
 from skinmap.errors import (
     InvalidArrayError,
     OutputError,
@@ -31,7 +32,7 @@ from skinmap.io.mcap.reading import Index, read_head
 from skinmap.io.mcap.writing import CHUNK_SECONDS, McapRecording, said_of
 from skinmap.io.ros2.messages import TouchMarker
 from skinmap.live.bounded_queue import BoundedQueue, QueueEnded
-from skinmap.live.response.sample_checks import fall_of, odd_times
+from skinmap.live.response.sample_checks import JUMP, fall_of, odd_times
 from skinmap.live.sources.open_source import open_source, resolve_robot
 from skinmap.live.sources.source import (
     Block,
@@ -391,7 +392,8 @@ class RecordingTap(Relay):
         super().__init__(source)
         self.recorder, self._patience = recorder, patience
         self._seconds = float("inf") if seconds is None else seconds
-        self._end = self._last = float("inf")
+        self._elapsed = 0.0  # without steps of the clock [s]
+        self._last = self._arrived = float("nan")
         self._ended = False
         self._quiet: float | None = (
             None  # when this machine's clock ends a source that falls silent
@@ -420,19 +422,12 @@ class RecordingTap(Relay):
             name = "short" if width < self.info.channels else "long"
             setattr(self.unfit, name, getattr(self.unfit, name) + len(block))
             return block
-        if self._end == float("inf"):
-            self._quiet = time.monotonic() + self._seconds + GRACE
-            self._end = float(block.times[0]) + self._seconds
-        elif block.times[0] < self._last - fall_of(self.info.rate):  # the clock began anew
-            self._end += float(block.times[0]) - self._last
-        self._last = float(block.times[-1])
-        if block.times[-1] >= self._end - HAIR:
+        elapsed = self._passed(block)
+        if elapsed[-1] >= self._seconds - HAIR:
             self._ended = True
-            times = np.concatenate([*(one.times for one in self.kept), block.times])
-            step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-            if said := odd_times(step, self.info):
+            if said := odd_times(self._step(block), self.info):
                 warn(said)
-            rows = block.times < self._end - HAIR
+            rows = elapsed < self._seconds - HAIR
             if not rows.any():
                 raise SourceEnded
             block = Block(block.times[rows], block.values[rows], block.arrived)
@@ -441,6 +436,30 @@ class RecordingTap(Relay):
         if sum(map(len, self.kept)) < KEPT:
             self.kept.append(block)
         return block
+
+    def _passed(self, block: Block) -> FloatArray:
+        """Time (k,) of each sample since the first [s], without steps of the clock."""
+        if self._last != self._last:
+            self._quiet = time.monotonic() + self._seconds + GRACE
+            self._last = float(block.times[0])
+        steps = np.diff(block.times, prepend=self._last)
+        stepped = steps < -fall_of(self.info.rate)
+        # What is missing takes time; where none has passed here, only the clock went on.
+        leap = float(steps.max()) - (block.arrived - self._arrived)
+        if is_live(self.source) and leap > JUMP and not odd_times(self._step(block), self.info):
+            leaps = steps > max(JUMP, 1.5 * self._step(block))
+            stepped |= leaps
+            if leaps.any() and np.isfinite(self._seconds):
+                warn(f"the clock of {self.info.name!r} went on by {leap:.3g} s that did not pass")
+        elapsed = self._elapsed + np.cumsum(np.where(stepped, 0.0, steps))
+        self._last, self._arrived = float(block.times[-1]), block.arrived
+        self._elapsed = float(elapsed[-1])
+        return elapsed
+
+    def _step(self, block: Block) -> float:
+        """The usual step between samples so far [s]; 0 where only one came."""
+        times = np.concatenate([*(one.times for one in self.kept), block.times])
+        return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
 
     def _shift(self, first: float) -> float:
         if first >= 0.0:
