@@ -32,7 +32,7 @@ from skinmap.io.mcap.reading import Index, read_head
 from skinmap.io.mcap.writing import CHUNK_SECONDS, McapRecording, said_of
 from skinmap.io.ros2.messages import TouchMarker
 from skinmap.live.bounded_queue import BoundedQueue, QueueEnded
-from skinmap.live.response.sample_checks import JUMP, fall_of, odd_times
+from skinmap.live.response.sample_checks import JUMP, SampleChecks, fall_of, odd_times
 from skinmap.live.sources.open_source import open_source, resolve_robot
 from skinmap.live.sources.source import (
     Block,
@@ -43,6 +43,7 @@ from skinmap.live.sources.source import (
     SourceEnded,
     StreamInfo,
     blocks,
+    gather,
     is_live,
 )
 from skinmap.skin.robot import Robot
@@ -114,7 +115,7 @@ class Recorder:
     ) -> None:
         self.info, self.files = info, [path]
         self._session, self._person = session, person
-        self._robot = robot
+        self.robot = robot
         self._widths: dict[Kind, tuple[int, ...]] = {**(widths or {}), info.kind: info.widths}
         self._rotate = (rotate_bytes, rotate_seconds)
         self._written = self._dropped = 0
@@ -332,11 +333,11 @@ class Recorder:
         self._opened = time.monotonic()
         return McapRecording(
             path,
-            **said_of(self.info, self._robot),
+            **said_of(self.info, self.robot),
             widths=self._widths,
             session=self._session,
             person=self._person,
-            model=self._robot,
+            model=self.robot,
             continues="" if path == self.files[0] else self.files[0].name,
         )
 
@@ -372,13 +373,16 @@ class RecordingTap(Relay):
         Seconds to wait for a slow disk before samples are dropped.
     seconds : float, optional
         Ends after these, in the source's clock.
+    looks : bool
+        Whether samples are looked at here, as no loop does it: faults are counted and warned of.
 
     Attributes
     ----------
     kept : list of Block
         The first of the samples, to look at when the recording is over.
     unfit : Counts
-        Samples of another number of values than the stream's: handed on, not recorded.
+        Samples of another number of values than the stream's: handed on, not recorded. And what
+        else was found, where it looks.
     """
 
     def __init__(
@@ -388,6 +392,7 @@ class RecordingTap(Relay):
         *,
         patience: float = 1.0,
         seconds: float | None = None,
+        looks: bool = False,
     ) -> None:
         super().__init__(source)
         self.recorder, self._patience = recorder, patience
@@ -400,6 +405,12 @@ class RecordingTap(Relay):
         )
         self._later: float | None = None  # than the source says, as files know no time below 0 [s]
         self.unfit = Counts()
+        self._checks: SampleChecks | None = None
+        if looks:
+            robot, seekable = recorder.robot, source.seekable
+            skins = {part: robot.skin(part) for part in self.info.parts} if robot else {}
+            taxels = gather(self.info, skins) if skins else None
+            self._checks = SampleChecks(self.info, self.unfit, seekable=seekable, taxels=taxels)
         self.kept: list[Block] = []
         self._angles: Mapping[str, float] = {}
 
@@ -419,8 +430,9 @@ class RecordingTap(Relay):
         if self._later:
             block = Block(block.times + self._later, block.values, block.arrived)
         if (width := block.values.shape[1]) != self.info.channels:
-            name = "short" if width < self.info.channels else "long"
-            setattr(self.unfit, name, getattr(self.unfit, name) + len(block))
+            if not self._look(block):
+                name = "short" if width < self.info.channels else "long"
+                setattr(self.unfit, name, getattr(self.unfit, name) + len(block))
             return block
         elapsed = self._passed(block)
         if elapsed[-1] >= self._seconds - HAIR:
@@ -431,11 +443,18 @@ class RecordingTap(Relay):
             if not rows.any():
                 raise SourceEnded
             block = Block(block.times[rows], block.values[rows], block.arrived)
+        self._look(block)
         self._record_angles(block)  # first: clouds stand where the joints are
         self.recorder.put(block, patience=self._patience)
         if sum(map(len, self.kept)) < KEPT:
             self.kept.append(block)
         return block
+
+    def _look(self, block: Block) -> bool:
+        """Whether samples are looked at here."""
+        for _ in self._checks.look(block) if self._checks else ():
+            pass
+        return self._checks is not None
 
     def _passed(self, block: Block) -> FloatArray:
         """Time (k,) of each sample since the first [s], without steps of the clock."""
@@ -562,7 +581,8 @@ def record(
         for path in continued(file):
             path.unlink()  # of the recording that is replaced
         with closing(Recorder(file, origin.info, robot=loaded)) as recorder:
-            for _ in blocks(RecordingTap(origin, recorder, patience=PATIENCE, seconds=seconds)):
+            tap = RecordingTap(origin, recorder, patience=PATIENCE, seconds=seconds, looks=True)
+            for _ in blocks(tap):
                 pass
     finally:
         if opened:
