@@ -523,7 +523,7 @@ def test_milliseconds_that_come_at_once_are_not_lost_samples(info, values):
     counts = Counts()
     checks = SampleChecks(info, counts, seekable=False)
     with pytest.warns(SkinWarning, match="look like milliseconds"):
-        list(checks.look(Block(20.0 * np.arange(9), values[:9], 0.0)))
+        list(checks.look(Block(np.array([8e4, *20.0 * np.arange(9)]), values[:10], 0.0)))
     assert counts.lost == 0
 
 

@@ -125,7 +125,7 @@ class SampleChecks:
         passed, self._arrived = 0.0 if first else block.arrived - self._arrived, block.arrived
         last = block.times[0] if self._last != self._last else self._last
         # What is missing takes time; where none has passed here, only the clock went on.
-        jumped = block.times[-1] - last > passed + JUMP
+        jumped = np.diff(block.times, prepend=last).max() > passed + JUMP
         rows: list[int] = []
         anew = False
         for row, time in enumerate(block.times.tolist()):

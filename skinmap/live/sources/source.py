@@ -460,8 +460,9 @@ def of_robot(
         return replace(found, widths=widths)
     names = [one[0].part for one in fitting] or [skin.part for skin in asked]
     sizes = ", ".join(f"{one.part} {len(one)} or {live_width(one)}" for one in asked)
-    none = f"none of {', '.join(names)} has so many on {robot.name!r} (taxels or live vector: "
-    none += f"{sizes}); --robot names another robot, one's own too"
+    few = f" (taxels or live vector: {sizes})" if len(asked) < 5 else ""  # a line is short
+    none = f"none of {', '.join(names)} has so many on {robot.name!r}{few}"
+    none += "; --robot names another robot, one's own too"
     raise SkinMismatchError(
         f"stream {info.name!r} names no part and has {info.channels} {what}; "
         + (f"{', '.join(names)} have so many: give --part" if fitting else none)
