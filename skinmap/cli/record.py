@@ -28,7 +28,7 @@ from skinmap.commands.options import (
 )
 from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import is_quiet
-from skinmap.errors import OutputError, UnknownNameError, warn
+from skinmap.errors import MessageError, OutputError, UnknownNameError, warn
 from skinmap.report.present import present, singular
 
 if TYPE_CHECKING:
@@ -150,7 +150,9 @@ def command(
             person=person,
         )
         patience = FILE_PATIENCE if isinstance(origin, Seekable) else LIVE_PATIENCE
-        recorded = RecordingTap(origin, recorder, patience=patience, seconds=seconds)
+        recorded = RecordingTap(
+            origin, recorder, patience=patience, seconds=seconds, looks=not named
+        )
         try:
             with interrupted_once(), closing(recorder), suppress(KeyboardInterrupt):
                 if named:
@@ -163,6 +165,9 @@ def command(
                 else:
                     for block in blocks(recorded):
                         shown.add(len(block))
+            found = (recorded.unfit if loop is None else loop.counts).joined(origin.counts)
+            if not recorder.counts.written and (found.refused or found.short or found.long):
+                raise MessageError(f"{source} sent nothing that can be recorded: {found.faults()}")
         except Exception:
             for file in recorder.files:
                 if file.exists() and recorder.counts.written:
@@ -173,12 +178,10 @@ def command(
     finally:
         shown.end()
         origin.close()
-    unfit = recorded.unfit.joined(origin.counts)
-    counts = unfit.as_dict() if loop is None else loop.totals()
     result = RecordResult(
         samples=recorder.counts.written,
         dropped=recorder.counts.dropped,
-        counts=counts,
+        counts=found.as_dict(),
         touches=dict(sorted(shown.touches.items())),
         withdrawn=shown.withdrawn,
         bytes=sum(file.stat().st_size for file in recorder.files),
@@ -190,14 +193,13 @@ def command(
             f"note: the {len(marks)} marks of {source} are not copied; `skinmap export` keeps them",
             err=True,
         )
-    _warn(recorded, output, looked_at=named)
+    _warn(recorded, output)
 
 
-def _warn(recorded: RecordingTap, output: Path, *, looked_at: bool) -> None:
+def _warn(recorded: RecordingTap, output: Path) -> None:
     """In one line the worst fault that would falsify what is trained on the recording."""
     import numpy as np
 
-    from skinmap.live.response.sample_checks import check_range
     from skinmap.soundness.examination import FALSIFYING, examine_track
     from skinmap.soundness.track import Track
 
@@ -205,8 +207,6 @@ def _warn(recorded: RecordingTap, output: Path, *, looked_at: bool) -> None:
         return
     values = np.concatenate([one.values for one in recorded.kept])
     times = np.concatenate([one.times for one in recorded.kept])
-    if not looked_at:  # a loop that names touches has looked at them
-        check_range(values, recorded.info)
     found = examine_track(Track(str(output), values, times))[0].findings
     worst = next((one for one in found if one.kind in FALSIFYING), None)
     if worst is not None:

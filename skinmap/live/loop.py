@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import FloatArray
 from skinmap.errors import SkinMismatchError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.contacts.contact_tracker import ContactTracker
@@ -38,6 +38,7 @@ from skinmap.live.sources.source import (
     blocks,
     check_skin,
     describe_skins,
+    gather,
     is_live,
 )
 from skinmap.recognition.classifier import Prediction, TouchClassifier
@@ -231,7 +232,7 @@ class TouchLoop(Summary):
         if classifier is not None:
             check_classifier(classifier, self.skins.values())
         self._skin = JoinedSkin(self.skins)
-        self._gather = gather(info, self.skins)
+        self._gather = gather(info, {part: one.skin for part, one in self.skins.items()})
         self._all = np.array_equal(self._gather, np.arange(info.channels))
         self._checks = SampleChecks(
             info, self.counts, seekable=self.source.seekable, taxels=self._gather
@@ -553,16 +554,6 @@ class TouchLoop(Summary):
             "parts": listed(self.skins),
             "classifier": named,
         }
-
-
-def gather(info: StreamInfo, skins: Mapping[str, PreparedSkin]) -> IntArray:
-    """(N,) place in a stream's sample of each taxel of some parts, in dense rows."""
-    places = []
-    for part, skin in skins.items():
-        rows = info.part_slice(part)
-        dense = rows.stop - rows.start == len(skin)
-        places.append(rows.start + (np.arange(len(skin)) if dense else skin.skin.channels))
-    return np.concatenate(places)
 
 
 def check_classifier(classifier: TouchClassifier, skins: Any) -> None:

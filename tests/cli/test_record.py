@@ -17,6 +17,7 @@ from skinmap.cli.record import _mark_ended
 from skinmap.errors import SkinError, SkinWarning
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.recordings.touch_files import load_recordings
+from skinmap.live.sources.source import Source, SourceEnded, StreamInfo
 from skinmap.touch.recording import Recording, save_recordings
 from skinmap.touch.recording import load_recordings as load_archive
 
@@ -100,6 +101,22 @@ def test_record_of_raw_values_with_a_label_has_pressures_too(tmp_path):
     assert len(raw.times) == len(pressure.times) == 250
     assert raw.values[:].mean() > 200  # 240 at rest, lower is harder
     assert pressure.values[:].mean() < 20
+
+
+def test_a_recording_that_refused_every_sample_fails(tmp_path, monkeypatch, icub):
+    class Refusing(Source):
+        def read(self, timeout):
+            self.counts.refused = 159
+            raise SourceEnded
+
+        def close(self):
+            pass
+
+    info = StreamInfo("t", ("left_hand",), (48,), 50.0)
+    monkeypatch.setattr("skinmap.cli.record.open_stream", lambda *_, **__: (icub, Refusing(info)))
+    said = refuse("record", "zmq:5555", "-o", tmp_path / "t.mcap")
+    assert said == "zmq:5555 sent nothing that can be recorded: 159 messages refused"
+    assert not (tmp_path / "t.mcap").exists()
 
 
 def test_record_replaces_files_only_with_force(tmp_path):

@@ -27,7 +27,7 @@ from skinmap.live import check_source, open_publisher, open_source
 from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.live.network import lsl_stream
 from skinmap.live.network.lsl_stream import load_lsl, read_description, settings, split_scope
-from skinmap.live.sources.source import StreamInfo
+from skinmap.live.sources.source import StreamInfo, check_skin, of_robot
 
 DEADLINE = 30.0  # [s]; only a fault takes as long
 INFO = StreamInfo("demo", ("arm", "hand"), (3, 2), 50.0, "raw", "icub", {"arm": "ab"})
@@ -176,17 +176,30 @@ def test_stream_of_others_is_one_part_of_pressures(name, lsl):
     source.close()
 
 
+@pytest.mark.skipif(np.dtype("l").itemsize < 8, reason="LSL reads these with a long of 64 bits")
+def test_stream_of_long_integers_is_read(name, lsl):
+    theirs = outlet(lsl, name, form="int64")
+    source = open_source(f"lsl:{name}")
+    assert theirs.wait_for_consumers(DEADLINE)
+    theirs.push_sample([1, 2, 3, 4, 255])
+    assert collect(source, 1)[1].tolist() == [[1, 2, 3, 4, 255]]
+    source.close()
+
+
 def test_stream_of_text_is_refused(name, lsl):
     theirs = outlet(lsl, name, channels=1, form="string")
-    with pytest.raises(MessageError, match="sends no numbers"):
+    with pytest.raises(MessageError, match="sends no numbers that Skinmap reads: string; it reads"):
         open_source(f"lsl:{name}")
     del theirs
 
 
 def test_stream_of_another_skin_is_refused(name, lsl, icub):
     theirs = outlet(lsl, name)
-    with pytest.raises(SkinMismatchError, match=r"has 5 channels; none of torso, .* has so many"):
+    said = r"has 5 channels; none of torso, .* has so many on 'iCub'; --robot names another"
+    with pytest.raises(SkinMismatchError, match=said):
         open_source(f"lsl:{name}", robot=icub)
+    with pytest.raises(SkinMismatchError, match="left_hand 48 or 144"):
+        open_source(f"lsl:{name}", robot=icub, parts=["left_hand"])
     del theirs
 
 
@@ -199,6 +212,14 @@ def test_stream_that_names_no_part_is_of_the_one_that_has_so_many_taxels(name, l
     assert (source.info.parts, source.info.widths) == (("left_hand",), (width,))
     source.close()
     del theirs
+
+
+@pytest.mark.parametrize("width", [240, 360, 384])
+def test_stream_of_others_may_be_a_whole_live_vector(icub, width):
+    info = StreamInfo("theirs", ("all",), (width,), 50.0)
+    found = of_robot(info, icub, ["left_forearm"])
+    assert (found.parts, found.widths) == (("left_forearm",), (width,))
+    check_skin(found, icub)
 
 
 @pytest.mark.parametrize(

@@ -19,7 +19,7 @@ from benchmarks.live import recordings
 from skinmap.errors import InvalidArrayError, OutputError, SkinMismatchError, SkinWarning
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.mcap.writing import McapRecording, McapWriter
-from skinmap.io.recordings.recorded_stream import nanoseconds_of
+from skinmap.io.recordings.recorded_stream import nanoseconds_of, rate_by_times
 from skinmap.live.recording import recorder as module
 from skinmap.live.recording import recorder as tap_module
 from skinmap.live.recording.recorder import Recorder, RecordingTap
@@ -472,6 +472,69 @@ def test_a_clock_that_falls_does_not_make_a_recording_longer(tmp_path, values):
     planned += [Block(first + np.arange(50) / 50, values[:50], 0.0) for first in range(5)]
     _, recorder, _ = tapped(tmp_path, Planned(*planned), seconds=3.0)
     assert recorder.counts.written == 150 + 1
+
+
+def test_a_clock_that_jumps_ahead_does_not_end_a_recording(tmp_path, values):
+    steps = np.repeat([0.0, 500.0], [50, 150])
+    planned = [Block(np.array([10.0 + k / 50 + steps[k]]), values[k : k + 1], 10.0 + k / 50)
+               for k in range(200)]  # fmt: skip
+    with pytest.warns(SkinWarning, match="went on by 500 s that did not pass"):
+        _, recorder, _ = tapped(tmp_path, Planned(*planned), seconds=3.0)
+    assert recorder.counts.written == 150 + 1
+
+
+def test_a_tap_that_looks_counts_what_a_loop_counts(tmp_path, values):
+    bad = values[:20].astype(np.float32)
+    bad[3, 7], bad[5:7, 0] = np.nan, -30.0
+    source = Planned(Block(np.arange(20) / 50, bad, 0.0))
+    recorder = Recorder(tmp_path / "t.mcap", source.info)
+    tap = RecordingTap(source, recorder, seconds=0.4, looks=True)
+    list(blocks(tap, timeout=0.0))
+    recorder.close()
+    assert tap.unfit.faults() == "1 with NaN, 2 out of 0 to 255 counts"
+
+
+def test_times_are_believed_where_they_contradict_the_stated_rate(tmp_path, values):
+    info, counts = StreamInfo("t", ("a",), (N,), 100.0, "raw"), Counts()
+    checks = SampleChecks(info, counts, seekable=False)
+    recorder = Recorder(tmp_path / "t.mcap", info)
+    came = [block(values, first, 10) for first in range(0, 200, 10)]
+    for one in came:
+        recorder.put(one)
+    recorder.close()
+    with pytest.warns(SkinWarning, match="states 100 samples a second, its times give 50"):
+        list(chain.from_iterable(map(checks.look, came)))
+    assert counts.lost == 0
+    assert read_track(tmp_path / "t.mcap").info.rate == pytest.approx(50.0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_lost_and_late_samples_do_not_contradict_the_stated_rate(seed):
+    rng = np.random.default_rng(seed)
+    times = np.arange(2000) / 50
+    lossy = times[rng.random(2000) < 0.4]
+    uneven = np.sort(times + rng.uniform(0, 0.016, 2000))
+    together = np.floor(times / 0.2) * 0.2 + 1e-4 * (np.arange(2000) % 10)
+    for one in (times, lossy, uneven, together, times * 1.05):
+        assert rate_by_times(one, 50.0) == 50.0
+
+
+def test_milliseconds_that_come_at_once_are_not_lost_samples(info, values):
+    counts = Counts()
+    checks = SampleChecks(info, counts, seekable=False)
+    with pytest.warns(SkinWarning, match="look like milliseconds"):
+        list(checks.look(Block(np.array([8e4, *20.0 * np.arange(9)]), values[:10], 0.0)))
+    assert counts.lost == 0
+
+
+def test_numbers_with_their_bytes_turned_round_are_warned_of(info, values):
+    turned = values[:150].astype(">f4").view("<f4")
+    with pytest.warns(SkinWarning, match="like numbers with their bytes turned round"):
+        list(
+            SampleChecks(info, Counts(), seekable=False).look(
+                Block(np.arange(150) / 50, turned, 0.0)
+            )
+        )
 
 
 def test_samples_of_another_width_are_counted_and_end_no_recording(tmp_path, values):

@@ -264,6 +264,20 @@ def test_wrong_samples_are_refused_and_right_ones_follow(port):
     rogue.close()
 
 
+def test_the_first_reason_to_refuse_a_sample_is_named_once(port, caplog):
+    rogue = Rogue(port, pack_info(INFO, session=1, heartbeat=0.2))
+    source = opened(rogue, port)
+    doubles = Header(3, 5, 1, 0, 0.0, 0.0).pack()
+    until = time.perf_counter() + DEADLINE
+    while source.counts.refused < 3 and time.perf_counter() < until:
+        rogue.send(b"pressure", doubles, bytes(40))
+        source.read(0.05)
+    (said,) = caplog.messages
+    assert "refused: values of type 3; expected 1 (uint8) or 2 (float32)" in said
+    source.close()
+    rogue.close()
+
+
 def test_a_flood_of_wrong_samples_does_not_hold_the_reader(port):
     rogue = Rogue(port, pack_info(INFO, session=1, heartbeat=0.2))
     source = opened(rogue, port)

@@ -54,6 +54,7 @@ from skinmap.io.recordings.recorded_stream import (
     measured_rate,
     nanoseconds_of,
     overview_of,
+    rate_by_times,
     seconds_of,
 )
 from skinmap.io.ros2 import messages as ros2
@@ -276,7 +277,7 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
             head.get("name", "") or path.name,
             parts,
             columns,
-            rate,
+            rate_by_times(values.times, rate),
             kind,
             head.get("robot", ""),
             {part: str(word) for part, word in prints.items()},

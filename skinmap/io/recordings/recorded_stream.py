@@ -179,6 +179,7 @@ class OverviewMaker:
 Kind = Literal["raw", "pressure"]
 BLOCK = 1024  # samples that are read at once
 GAP = 1.5  # median steps between two samples that count as a gap
+EVEN = 20  # steps that a told rate is compared with, at least
 COARSE = 0.9  # of steps that move a clock fine enough to tell samples apart
 NS = 1_000_000_000
 
@@ -417,6 +418,21 @@ class RecordedStream:
 def measured_rate(times: FloatArray) -> float:
     """Samples a second by the usual step; 0 where two samples are not there."""
     return 1.0 / step if (step := _step_and_tick(times)[0]) else 0.0
+
+
+def rate_by_times(times: FloatArray, told: float) -> float:
+    """Samples a second: the told rate, unless even steps contradict it.
+
+    Steps that vary, as of samples that are lost or stamped on arrival, contradict nothing.
+    """
+    steps = np.diff(times)
+    if told <= 0 or len(steps) < EVEN:
+        return told
+    low, usual, high = np.quantile(steps, (0.25, 0.5, 0.75)).tolist()
+    mean = float(steps[steps <= max(1.0, 3.0 * usual)].mean())
+    even = min(low, mean) > 0.75 * usual and max(high, mean) < 1.25 * usual
+    off = not 0.9 < usual * told < 1.1 and usual * told < 100.0  # more: another unit
+    return 1.0 / usual if even and off else told
 
 
 def _step_and_tick(times: FloatArray) -> tuple[float, float]:

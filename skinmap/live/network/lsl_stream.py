@@ -257,7 +257,9 @@ AGAIN = 0.3  # for one look for a stream that was lost [s]
 BUFFERED = 5  # kept by LSL itself, at each end, for who reads too slowly [s]
 CORRECT = 2.0  # between two looks at the other machine's clock [s]
 MAX_VALUES = 1 << 22  # in one block
-NUMBERS = (1, 2, 4, 5, 6)  # channel formats: float32, double64, int32, int16, int8
+# Channel formats by LSL's numbers; it reads the last one where a C long has 64 bits.
+FORMATS = ("undefined", "float32", "double64", "string", "int32", "int16", "int8", "int64")
+NUMBERS = [one for one in (1, 2, 4, 5, 6, 7) if one < 7 or np.dtype("l").itemsize == 8]
 
 
 class LslSource(Source):
@@ -361,7 +363,11 @@ class LslSource(Source):
     def _open(self, found: Any) -> tuple[Any, StreamInfo]:
         lsl = self._lsl
         if found.channel_format() not in NUMBERS:
-            raise MessageError(f"LSL stream {self._name!r} sends no numbers that Skinmap reads")
+            form = dict(enumerate(FORMATS)).get(found.channel_format(), "something else")
+            raise MessageError(
+                f"LSL stream {self._name!r} sends no numbers that Skinmap reads: {form}; "
+                f"it reads {', '.join(FORMATS[one] for one in NUMBERS)}"
+            )
         # No recovery by LSL itself: it would hide that a stream died, and for how long.
         inlet = lsl.StreamInlet(found, max_buflen=BUFFERED, recover=False)
         try:

@@ -274,8 +274,9 @@ class ZenohSource(Source):
             if len(values) != self._info.channels or not np.isfinite(values).all():
                 raise MessageError(f"{len(values)} values, expected {self._info.channels} numbers")
         except MessageError as error:
+            level = logging.DEBUG if self._counts.refused else logging.WARNING
             self._counts.refused += 1
-            logger.debug("%s: %s", self._where.topic, error)
+            logger.log(level, "%s: refused: %s", self._where.topic, error)
             return None
         before = self._numbers.get(sender)
         if before is not None and number > before + 1:

@@ -140,8 +140,10 @@ class ZmqSource(Source):
             header = unpack_header(frames[1])
             values = unpack_values(header, frames[2], self._info)
         except MessageError as error:
+            # It may come with every sample: only the first one is a warning.
+            level = logging.DEBUG if self._counts.refused else logging.WARNING
             self._counts.refused += 1
-            logger.debug("%s: %s", self.address.endpoint, error)
+            logger.log(level, "%s: refused: %s", self.address.endpoint, error)
             return None
         self._last_seen = arrived
         self._follow(header)

@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from skinmap.arrays import FloatArray
 from skinmap.errors import (
     InvalidArrayError,
     OutputError,
@@ -31,7 +32,7 @@ from skinmap.io.mcap.reading import Index, read_head
 from skinmap.io.mcap.writing import CHUNK_SECONDS, McapRecording, said_of
 from skinmap.io.ros2.messages import TouchMarker
 from skinmap.live.bounded_queue import BoundedQueue, QueueEnded
-from skinmap.live.response.sample_checks import fall_of, odd_times
+from skinmap.live.response.sample_checks import JUMP, SampleChecks, fall_of, odd_times
 from skinmap.live.sources.open_source import open_source, resolve_robot
 from skinmap.live.sources.source import (
     Block,
@@ -42,6 +43,7 @@ from skinmap.live.sources.source import (
     SourceEnded,
     StreamInfo,
     blocks,
+    gather,
     is_live,
 )
 from skinmap.skin.robot import Robot
@@ -113,7 +115,7 @@ class Recorder:
     ) -> None:
         self.info, self.files = info, [path]
         self._session, self._person = session, person
-        self._robot = robot
+        self.robot = robot
         self._widths: dict[Kind, tuple[int, ...]] = {**(widths or {}), info.kind: info.widths}
         self._rotate = (rotate_bytes, rotate_seconds)
         self._written = self._dropped = 0
@@ -331,11 +333,11 @@ class Recorder:
         self._opened = time.monotonic()
         return McapRecording(
             path,
-            **said_of(self.info, self._robot),
+            **said_of(self.info, self.robot),
             widths=self._widths,
             session=self._session,
             person=self._person,
-            model=self._robot,
+            model=self.robot,
             continues="" if path == self.files[0] else self.files[0].name,
         )
 
@@ -371,13 +373,16 @@ class RecordingTap(Relay):
         Seconds to wait for a slow disk before samples are dropped.
     seconds : float, optional
         Ends after these, in the source's clock.
+    looks : bool
+        Whether samples are looked at here, as no loop does it: faults are counted and warned of.
 
     Attributes
     ----------
     kept : list of Block
         The first of the samples, to look at when the recording is over.
     unfit : Counts
-        Samples of another number of values than the stream's: handed on, not recorded.
+        Samples of another number of values than the stream's: handed on, not recorded. And what
+        else was found, where it looks.
     """
 
     def __init__(
@@ -387,17 +392,25 @@ class RecordingTap(Relay):
         *,
         patience: float = 1.0,
         seconds: float | None = None,
+        looks: bool = False,
     ) -> None:
         super().__init__(source)
         self.recorder, self._patience = recorder, patience
         self._seconds = float("inf") if seconds is None else seconds
-        self._end = self._last = float("inf")
+        self._elapsed = 0.0  # without steps of the clock [s]
+        self._last = self._arrived = float("nan")
         self._ended = False
         self._quiet: float | None = (
             None  # when this machine's clock ends a source that falls silent
         )
         self._later: float | None = None  # than the source says, as files know no time below 0 [s]
         self.unfit = Counts()
+        self._checks: SampleChecks | None = None
+        if looks:
+            robot, seekable = recorder.robot, source.seekable
+            skins = {part: robot.skin(part) for part in self.info.parts} if robot else {}
+            taxels = gather(self.info, skins) if skins else None
+            self._checks = SampleChecks(self.info, self.unfit, seekable=seekable, taxels=taxels)
         self.kept: list[Block] = []
         self._angles: Mapping[str, float] = {}
 
@@ -417,30 +430,55 @@ class RecordingTap(Relay):
         if self._later:
             block = Block(block.times + self._later, block.values, block.arrived)
         if (width := block.values.shape[1]) != self.info.channels:
-            name = "short" if width < self.info.channels else "long"
-            setattr(self.unfit, name, getattr(self.unfit, name) + len(block))
+            if not self._look(block):
+                name = "short" if width < self.info.channels else "long"
+                setattr(self.unfit, name, getattr(self.unfit, name) + len(block))
             return block
-        if self._end == float("inf"):
-            self._quiet = time.monotonic() + self._seconds + GRACE
-            self._end = float(block.times[0]) + self._seconds
-        elif block.times[0] < self._last - fall_of(self.info.rate):  # the clock began anew
-            self._end += float(block.times[0]) - self._last
-        self._last = float(block.times[-1])
-        if block.times[-1] >= self._end - HAIR:
+        elapsed = self._passed(block)
+        if elapsed[-1] >= self._seconds - HAIR:
             self._ended = True
-            times = np.concatenate([*(one.times for one in self.kept), block.times])
-            step = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-            if said := odd_times(step, self.info):
+            if said := odd_times(self._step(block), self.info):
                 warn(said)
-            rows = block.times < self._end - HAIR
+            rows = elapsed < self._seconds - HAIR
             if not rows.any():
                 raise SourceEnded
             block = Block(block.times[rows], block.values[rows], block.arrived)
+        self._look(block)
         self._record_angles(block)  # first: clouds stand where the joints are
         self.recorder.put(block, patience=self._patience)
         if sum(map(len, self.kept)) < KEPT:
             self.kept.append(block)
         return block
+
+    def _look(self, block: Block) -> bool:
+        """Whether samples are looked at here."""
+        for _ in self._checks.look(block) if self._checks else ():
+            pass
+        return self._checks is not None
+
+    def _passed(self, block: Block) -> FloatArray:
+        """Time (k,) of each sample since the first [s], without steps of the clock."""
+        if self._last != self._last:
+            self._quiet = time.monotonic() + self._seconds + GRACE
+            self._last = float(block.times[0])
+        steps = np.diff(block.times, prepend=self._last)
+        stepped = steps < -fall_of(self.info.rate)
+        # What is missing takes time; where none has passed here, only the clock went on.
+        leap = float(steps.max()) - (block.arrived - self._arrived)
+        if is_live(self.source) and leap > JUMP and not odd_times(self._step(block), self.info):
+            leaps = steps > max(JUMP, 1.5 * self._step(block))
+            stepped |= leaps
+            if leaps.any() and np.isfinite(self._seconds):
+                warn(f"the clock of {self.info.name!r} went on by {leap:.3g} s that did not pass")
+        elapsed = self._elapsed + np.cumsum(np.where(stepped, 0.0, steps))
+        self._last, self._arrived = float(block.times[-1]), block.arrived
+        self._elapsed = float(elapsed[-1])
+        return elapsed
+
+    def _step(self, block: Block) -> float:
+        """The usual step between samples so far [s]; 0 where only one came."""
+        times = np.concatenate([*(one.times for one in self.kept), block.times])
+        return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
 
     def _shift(self, first: float) -> float:
         if first >= 0.0:
@@ -543,7 +581,8 @@ def record(
         for path in continued(file):
             path.unlink()  # of the recording that is replaced
         with closing(Recorder(file, origin.info, robot=loaded)) as recorder:
-            for _ in blocks(RecordingTap(origin, recorder, patience=PATIENCE, seconds=seconds)):
+            tap = RecordingTap(origin, recorder, patience=PATIENCE, seconds=seconds, looks=True)
+            for _ in blocks(tap):
                 pass
     finally:
         if opened:

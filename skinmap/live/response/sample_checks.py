@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import warn
-from skinmap.io.recordings.recorded_stream import SMALLER
+from skinmap.io.recordings.recorded_stream import EVEN, SMALLER, rate_by_times
 from skinmap.live.sources.source import Block, Counts, StreamInfo
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 
@@ -24,6 +25,7 @@ LATER = 0.75  # periods that a sample may come late before one is missed
 FORGIVE = 0.9  # a clock that is off by a few percent must not add up to missed samples
 SOON = 2.0  # after so long what is missing or odd is named [s]
 PEAK = 40.0  # times the mean: so far noise at rest does not reach, touches do
+TINY = 1e-30  # no sensor sends so little: counts in the other byte order do
 SEVERAL = 3  # channels that fall or rise: one alone drifts
 SHARE = 0.05  # the least slow mean of a touched channel, as a share of full scale
 STEPS = 3  # of a clock that are logged
@@ -93,6 +95,9 @@ class SampleChecks:
         self._enough = round(SOON * (info.rate or 50.0))
         self._rows, self._misfits, self._top, self._sum = 0, 0, 0.0, 0.0
         self._watched, self._told, self._timed, self._odd = True, False, False, 0
+        self._seen: list[float] = []  # times that the told rate is compared with
+        self._compared = info.rate <= 0
+        self._missed = 0  # of the samples that are lost, those before it was compared
         self._stood: FloatArray | None = None  # a slow mean of the values (channels,)
 
     def forget(self) -> None:
@@ -116,9 +121,11 @@ class SampleChecks:
         values = self._mended(block.values)
         if self._watched and block.values.dtype.kind in "fi":
             self._watch(block.values)
-        passed, self._arrived = block.arrived - self._arrived, block.arrived
+        first = self._arrived != self._arrived  # NaN: what comes at once took no time here
+        passed, self._arrived = 0.0 if first else block.arrived - self._arrived, block.arrived
+        last = block.times[0] if self._last != self._last else self._last
         # What is missing takes time; where none has passed here, only the clock went on.
-        jumped = len(block) > 0 and block.times[-1] - self._last > passed + JUMP
+        jumped = np.diff(block.times, prepend=last).max() > passed + JUMP
         rows: list[int] = []
         anew = False
         for row, time in enumerate(block.times.tolist()):
@@ -127,6 +134,7 @@ class SampleChecks:
                 if rows:
                     yield anew, block.times[rows], values[rows]
                 rows, anew = [], True
+                self._seen = []
                 self._counts.restarts += 1
                 self._check_times(time - self._last)
                 if not self._seekable and self._counts.restarts <= STEPS:
@@ -138,10 +146,27 @@ class SampleChecks:
             if verdict != "drop":
                 rows.append(row)
                 self._last = time
+                if not self._compared:
+                    self._compare_rate(time)
         if len(rows) == len(block):
             yield anew, block.times, values
         elif rows:
             yield anew, block.times[rows], values[rows]
+
+    def _compare_rate(self, time: float) -> None:
+        """Believe the times, not the told rate, where the first second of them contradicts it."""
+        self._seen.append(time)
+        told = self._info.rate
+        if len(self._seen) <= max(EVEN, told):
+            return
+        self._compared = True
+        found = rate_by_times(np.array(self._seen), told)
+        if found != told:
+            self._counts.lost -= self._missed
+            self._behind = 0.0
+            self._info = replace(self._info, rate=found)
+            name = self._info.name
+            warn(f"{name!r} states {told:g} samples a second, its times give {found:.4g}", above=2)
 
     def _check_times(self, step: float) -> None:
         """Warn once of samples that lie as far apart as if times were in smaller units."""
@@ -177,6 +202,7 @@ class SampleChecks:
             if self._behind >= LATER:
                 missed = round(self._behind)
                 self._counts.lost += missed
+                self._missed += missed
                 self._behind -= missed
         return "use"
 
@@ -239,6 +265,8 @@ class SampleChecks:
             self._warn(
                 f"values up to {self._top:.3g}, like shares of 1: multiply them by 255, if they are"
             )
+        elif 0.0 < self._top < TINY:
+            self._warn(f"values up to {self._top:.3g}, like numbers with their bytes turned round")
         elif self._top <= ACTIVE and falls:
             self._warn(f"values down to {np.nanmin(values):.4g}: turn their sign, all are cut off")
         elif self._top <= ACTIVE:

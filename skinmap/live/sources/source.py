@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray, check_finite, freeze
+from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import BrokenPluginError, InvalidArrayError, SkinMismatchError, UnreachableError
 from skinmap.io.recordings.recorded_stream import Kind, StreamInfo
 from skinmap.live.bounded_queue import BoundedQueue
@@ -383,6 +383,15 @@ def live_width(skin: Skin) -> int:
     return int(skin.channels.max(initial=-1)) + 1
 
 
+PATCH = 192  # channels of a board of the iCub's skin: its ports send whole boards
+
+
+def _widths_of(skins: Sequence[Skin]) -> list[tuple[int, ...]]:
+    """Channels of some parts: in dense order, of live vectors as far as used, of whole boards."""
+    live = tuple(map(live_width, skins))
+    return [tuple(map(len, skins)), live, tuple(-(-one // PATCH) * PATCH for one in live)]
+
+
 def check_skin(info: StreamInfo, robot: Robot) -> None:
     """Refuse a stream that cannot come from a robot's skin.
 
@@ -408,6 +417,16 @@ def check_skin(info: StreamInfo, robot: Robot) -> None:
             )
 
 
+def gather(info: StreamInfo, skins: Mapping[str, Skin]) -> IntArray:
+    """(N,) place in a stream's sample of each taxel of some parts, in dense rows."""
+    places = []
+    for part, skin in skins.items():
+        rows = info.part_slice(part)
+        dense = rows.stop - rows.start == len(skin)
+        places.append(rows.start + (np.arange(len(skin)) if dense else skin.channels))
+    return np.concatenate(places)
+
+
 def describe_skins(
     name: str, robot: str, skins: Iterable[Skin], rate: float, kind: Kind, clock: str
 ) -> StreamInfo:
@@ -426,20 +445,28 @@ def of_robot(
     Raises
     ------
     SkinMismatchError
-        None or several have so many taxels.
+        None or several have so many taxels, or live vectors so long.
     """
-    asked = {part: robot.skin(part) for part in parts or robot.parts}
-    fitting = [part for part, skin in asked.items() if len(skin) == info.channels]
-    together = sum(map(len, asked.values())) == info.channels
-    if not together and len(fitting) != 1:
-        several = f"{', '.join(fitting)} have so many: give --part"
-        none = f"none of {', '.join(asked)} has so many"
-        raise SkinMismatchError(
-            f"stream {info.name!r} names no part and has {info.channels} {what}; "
-            f"{several if fitting else none}"
-        )
-    skins = [asked[part] for part in (asked if together else fitting)]
-    return describe_skins(info.name, robot.name, skins, info.rate, info.kind, info.clock)
+    asked = [robot.skin(part) for part in parts or robot.parts]
+    for kind in range(3):  # dense order first: it is the surest
+        choices = [asked] if len(asked) > 1 else []
+        choices += [[skin] for skin in asked]
+        fitting = [one for one in choices if sum(_widths_of(one)[kind]) == info.channels]
+        if fitting:
+            break
+    if len(fitting) == 1 or (fitting and fitting[0] is asked):
+        skins, widths = fitting[0], _widths_of(fitting[0])[kind]
+        found = describe_skins(info.name, robot.name, skins, info.rate, info.kind, info.clock)
+        return replace(found, widths=widths)
+    names = [one[0].part for one in fitting] or [skin.part for skin in asked]
+    sizes = ", ".join(f"{one.part} {len(one)} or {live_width(one)}" for one in asked)
+    few = f" (taxels or live vector: {sizes})" if len(asked) < 5 else ""  # a line is short
+    none = f"none of {', '.join(names)} has so many on {robot.name!r}{few}"
+    none += "; --robot names another robot, one's own too"
+    raise SkinMismatchError(
+        f"stream {info.name!r} names no part and has {info.channels} {what}; "
+        + (f"{', '.join(names)} have so many: give --part" if fitting else none)
+    )
 
 
 def check_same_skin(before: StreamInfo, now: StreamInfo, what: str) -> None:
