@@ -169,7 +169,6 @@ def mend(track: Track) -> tuple[Track, list[str]]:
     Rows are put into order, repeated ones are left out, a clock that begins anew becomes a stretch
     of its own, and a reference is laid on the rows of the skin. All other faults become marks.
     """
-    found = examine_track(track)[0].findings
     times = time_faults(survey(track))
     done: list[str] = []
     several = [own[~times.repeated[own]] for own in times.pieces]
@@ -197,9 +196,12 @@ def mend(track: Track) -> tuple[Track, list[str]]:
     )
     if track.unit:
         done.append(f"wrote the times, which were in {track.unit}, in seconds")
-    line = next((one for one in found if isinstance(one.slope, float)), None)
+    # A line through repeated rows, or rows in another order, is none through those of the copy.
+    clocks = clock_faults(survey(mended), times.step)
+    line = next((one for one in clocks if isinstance(one.slope, float)), None)
     if line is not None and track.reference is not None:
-        mended = replace(mended, reference=_laid(track.reference, line, rows), reference_times=None)
+        laid = _laid(track.reference, line, np.arange(len(rows)))
+        mended = replace(mended, reference=laid, reference_times=None)
         done.append("laid the reference on the rows of the skin")
     left = examine_track(mended)[0].findings
     marks = tuple(

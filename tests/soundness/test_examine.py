@@ -355,6 +355,44 @@ def test_touches_here_and_there_give_the_clock_of_a_load():
     assert "fits no part" in found.text
 
 
+def test_a_reference_is_laid_on_the_rows_that_a_mended_copy_has():
+    rng = np.random.default_rng(3)
+    felt = pokes(rng)
+    values = np.rint(120.0 * felt + rng.normal(0.0, 0.7, felt.shape))
+    whole = felt.sum(axis=1)
+    seen = np.interp(np.arange(4300) * 1.02 + 60.0, np.arange(4500), whole)
+    twice = np.sort(np.concatenate([np.arange(4500), rng.choice(4500, 110, replace=False)]))
+    made = Track("a", values[twice], np.arange(4500)[twice] / 50, reference=seen)
+    copy, _ = mend(made)
+    assert copy.reference is not None
+    known = np.isfinite(copy.reference)
+    assert np.corrcoef(copy.reference[known], whole[known])[0, 1] > 0.99
+    assert not any(one.matters for one in examine_track(copy)[0].findings)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_load_on_the_rows_of_the_skin_is_on_its_clock(seed):
+    # Steps roll from heel to toe: most channels follow each other, and lag the load of all.
+    rng = np.random.default_rng(seed)
+    felt, begin = np.zeros((3000, 24)), 50
+    while begin < 2900:
+        lasts = int(rng.integers(28, 40))
+        phase = np.arange(lasts)[:, None] / lasts
+        roll = np.exp(-(((phase - np.linspace(0.2, 0.85, 24) ** 0.6) / 0.15) ** 2))
+        felt[begin : begin + lasts] = rng.uniform(0.8, 1.0) * np.sin(np.pi * phase) ** 0.4 * roll
+        begin += lasts + int(rng.integers(18, 26))
+    values = np.rint(400.0 * felt + rng.normal(0.0, 1.0, felt.shape))
+    load = felt.mean(axis=1)
+    made = Track("a", values, np.arange(3000) / 50, reference=load)
+    assert not [one for one in examine_track(made)[0].findings if one.kind == "clocks"]
+    # Foam answers late, which is no other clock either; a reference that slips is one.
+    late = Track("a", np.roll(values, 5, axis=0), made.times, reference=load)
+    assert not [one for one in examine_track(late)[0].findings if one.kind == "clocks"]
+    slipped = Track("a", values[20:], made.times[20:], reference=load)
+    (found,) = [one for one in examine_track(slipped)[0].findings if one.kind == "clocks"]
+    assert abs(found.offset_rows + 20.0) < 3.0
+
+
 def test_two_long_stretches_at_one_value_are_cut_off_where_noise_moves_all_others():
     rng = np.random.default_rng(5)
     values = pokes(rng)
