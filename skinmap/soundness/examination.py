@@ -19,7 +19,7 @@ from skinmap.soundness.rest_faults import rest_faults, session_offsets
 from skinmap.soundness.set_faults import set_faults, together
 from skinmap.soundness.survey import Survey, survey
 from skinmap.soundness.time_faults import clock_faults, time_faults
-from skinmap.soundness.track import Track, check_track, tracks, tracks_of
+from skinmap.soundness.track import UNSURE, Track, check_track, tracks, tracks_of
 
 if TYPE_CHECKING:
     from skinmap.touch.recording import Recording
@@ -190,11 +190,11 @@ def mend(track: Track) -> tuple[Track, list[str]]:
         track,
         values=track.values[rows],
         times=None if track.times is None else track.times[rows],
-        unit="",
+        unit=track.unit if track.unit == UNSURE else "",
         events=None if track.events is None else track.events[rows],
         stretches=None if stretches is None else stretches[rows],
     )
-    if track.unit:
+    if track.unit and track.unit != UNSURE:
         done.append(f"wrote the times, which were in {track.unit}, in seconds")
     # A line through repeated rows, or rows in another order, is none through those of the copy.
     clocks = clock_faults(survey(mended), times.step)

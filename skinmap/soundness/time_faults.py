@@ -13,6 +13,7 @@ from skinmap.clock_lines import UNEXPLAINED, align
 from skinmap.errors import InvalidArrayError
 from skinmap.soundness.finding import Finding, finding, spans_of
 from skinmap.soundness.survey import Survey
+from skinmap.soundness.track import UNSURE
 
 GAP = 1.45  # steps from which two rows may have lost some between them
 SLOWER = 20  # rows on end that come at another rate
@@ -68,6 +69,8 @@ def time_faults(survey: Survey) -> TimeFaults:
         text = (
             f"The times are in {track.unit}: read as seconds, the rate is wrong by 1,000 or more."
         )
+        if track.unit == UNSURE:
+            text = f"The times are in {UNSURE}: the rate may be wrong by 1,000."
         do = "write the times in seconds"
         found.append(finding("stamps", text, confidence=0.9, harm=0.3, do=do))
     repeated = _repeats(survey, times)
