@@ -29,8 +29,10 @@ BREAK = 15  # rows lost at once that make a line of their own
 GAIN = 0.8  # of the misfit that a further line must leave at most
 CHUNK = 10_000  # rows at once
 LONG = 30_000  # rows of a reference that are looked at one by one
-WEAK = 0.05  # of the reference's variance: above it all channels are tried together
-STILL = 4.0  # times the median distance from rest: noise
+WEAK = 0.002  # of the reference's variance: above it all channels are tried together
+REST = 0.2  # of the rows, in which a channel is at rest or below
+STILL = 4.0  # times the median step of a channel at rest: noise
+CLEARLY = 1.3  # times less that a line leaves unexplained than an expected one, or that one holds
 UNEXPLAINED = 0.2  # of the reference's variance: above it the clocks do not align
 WRONG = 10.0  # times the usual misfit of a stretch, of which a lag mends less than half
 FALSE = 5.0  # times the misfit must fall by leaving wrong stretches out
@@ -128,17 +130,27 @@ def _signal(samples: FloatArray) -> FloatArray:
 def _total(samples: FloatArray) -> FloatArray:
     """How far all channels together are from their rest, a number a row, 0 to 1."""
     few = samples[:: max(1, len(samples) // 5000)].astype(np.float64)
-    rest = np.median(few, axis=0)
-    noise = STILL * np.median(np.abs(few - rest), axis=0)
+    scaled = (few - few.mean(axis=0)) / np.maximum(few.std(axis=0), 1e-12)
+    # A load skews a channel its own way; where hands rest on it half of the time, the others vote.
+    sign = np.where(scaled.T @ (scaled @ (scaled**3).mean(axis=0)) < 0, -1.0, 1.0)
+    rest = np.quantile(few * sign, REST, axis=0)
+    steps = np.diff(samples[: len(few)].astype(np.float64), axis=0)
+    rest += STILL * np.median(np.abs(steps), axis=0) / np.sqrt(2.0)
     parts = [
-        np.maximum(np.abs(samples[start : start + CHUNK] - rest) - noise, 0.0).sum(axis=1)
+        np.maximum(samples[start : start + CHUNK] * sign - rest, 0.0).sum(axis=1)
         for start in range(0, len(samples), CHUNK)
     ]
     found = np.concatenate(parts)
     return found / max(float(np.quantile(found, 0.995)), 1e-12)
 
 
-def align(samples: ArrayLike, reference: ArrayLike, *, rate: float = 50.0) -> tuple[ClockLine, ...]:
+def align(
+    samples: ArrayLike,
+    reference: ArrayLike,
+    *,
+    rate: float = 50.0,
+    expected: float | None = None,
+) -> tuple[ClockLine, ...]:
     """Lay the rows of a reference on those of the samples.
 
     Parameters
@@ -149,6 +161,8 @@ def align(samples: ArrayLike, reference: ArrayLike, *, rate: float = 50.0) -> tu
         Load at the same nominal rate, on its own clock.
     rate : float
         Rows a second.
+    expected : float, optional
+        Offset [rows] of clocks that go alike: another line must fit clearly better.
 
     Returns
     -------
@@ -179,22 +193,24 @@ def align(samples: ArrayLike, reference: ArrayLike, *, rate: float = 50.0) -> tu
         raise InvalidArrayError("the reference holds NaN or infinity")
     if np.ptp(wanted) < 1e-9 * max(1.0, np.abs(wanted).max()):
         raise InvalidArrayError("the reference never moves: there is nothing to align")
-    found = _lines(_signal(given), wanted, rate)
+    found = _lines(_signal(given), wanted, rate, expected)
     if found[0].unexplained > WEAK:
-        # Touches here and there: no channels go together, and the load is that of all.
-        of_all = _lines(_total(given), wanted, rate)
+        # Touches here and there, or a gait: the load is that of all, and some channels lag it.
+        of_all = _lines(_total(given), wanted, rate, expected)
         found = min(found, of_all, key=lambda lines: lines[0].unexplained)
     return found
 
 
-def _lines(signal: FloatArray, reference: FloatArray, rate: float) -> tuple[ClockLine, ...]:
+def _lines(
+    signal: FloatArray, reference: FloatArray, rate: float, expected: float | None
+) -> tuple[ClockLine, ...]:
     """The best lines; of many hours, by means of some rows: the search grows with their square."""
     by = -(-len(reference) // LONG)
     if by > 1:
         signal, reference = (
             one[: len(one) // by * by].reshape(-1, by).mean(axis=1) for one in (signal, reference)
         )
-    found = _Alignment(signal, reference, rate / by).lines()
+    found = _Alignment(signal, reference, rate / by).lines(expected and expected / by)
     return tuple(
         ClockLine(
             by * one.first_row, by * one.offset_rows - one.slope * (by - 1) / 2, one.slope,
@@ -251,7 +267,7 @@ class _Alignment:
         beyond = max(abs(lag) - abs(len(self.features) - len(self.reference)) / 2, 0.0)
         return PRIOR * ((slope / 0.01) ** 2 + (beyond / 500.0) ** 2)
 
-    def lines(self) -> tuple[ClockLine, ...]:
+    def lines(self, expected: float | None) -> tuple[ClockLine, ...]:
         """The best lines."""
         slope, offsets = self._coarse()
         firsts = np.zeros(1, np.int64)
@@ -263,6 +279,11 @@ class _Alignment:
                 break
             slope, offsets, firsts = more
         left = self.left(self.places(self.rows, slope, offsets, firsts), least=0.0)
+        alike = (
+            np.inf if expected is None else self.left(np.asarray(self.rows + expected, np.float64))
+        )
+        if expected is not None and alike < CLEARLY * left:
+            slope, offsets, firsts, left = 0.0, np.array([expected]), np.zeros(1, np.int64), alike
         residual = self._residual(slope, offsets, firsts)
         return tuple(
             ClockLine(int(first), float(offset - slope * self.middle), float(slope), residual, left)

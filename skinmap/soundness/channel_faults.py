@@ -61,14 +61,14 @@ def channel_faults(survey: Survey) -> tuple[list[Finding], NDArray[np.bool_]]:
 
 
 def _ids(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
-    ids = survey.track.ids
+    ids, names = survey.track.ids, survey.track.names
     if ids is None:
         return []
     kinds, inverse, counts = np.unique(ids, return_inverse=True, return_counts=True)
     twice = np.flatnonzero(counts[inverse] > 1)
     if len(twice) == 0:
         return []
-    numbers = ", ".join(str(one) for one in kinds[counts > 1][:5])
+    numbers = ", ".join(names[one] if names else str(one) for one in kinds[counts > 1][:5])
     text = f"{len(twice)} channels share an id with another (id {numbers}): which is which?"
     return [finding("repeated_id", text, channels=twice)]
 

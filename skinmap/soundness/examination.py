@@ -19,7 +19,7 @@ from skinmap.soundness.rest_faults import rest_faults, session_offsets
 from skinmap.soundness.set_faults import set_faults, together
 from skinmap.soundness.survey import Survey, survey
 from skinmap.soundness.time_faults import clock_faults, time_faults
-from skinmap.soundness.track import Track, check_track, tracks, tracks_of
+from skinmap.soundness.track import UNSURE, Track, check_track, tracks, tracks_of
 
 if TYPE_CHECKING:
     from skinmap.touch.recording import Recording
@@ -169,7 +169,6 @@ def mend(track: Track) -> tuple[Track, list[str]]:
     Rows are put into order, repeated ones are left out, a clock that begins anew becomes a stretch
     of its own, and a reference is laid on the rows of the skin. All other faults become marks.
     """
-    found = examine_track(track)[0].findings
     times = time_faults(survey(track))
     done: list[str] = []
     several = [own[~times.repeated[own]] for own in times.pieces]
@@ -191,15 +190,18 @@ def mend(track: Track) -> tuple[Track, list[str]]:
         track,
         values=track.values[rows],
         times=None if track.times is None else track.times[rows],
-        unit="",
+        unit=track.unit if track.unit == UNSURE else "",
         events=None if track.events is None else track.events[rows],
         stretches=None if stretches is None else stretches[rows],
     )
-    if track.unit:
+    if track.unit and track.unit != UNSURE:
         done.append(f"wrote the times, which were in {track.unit}, in seconds")
-    line = next((one for one in found if isinstance(one.slope, float)), None)
+    # A line through repeated rows, or rows in another order, is none through those of the copy.
+    clocks = clock_faults(survey(mended), times.step)
+    line = next((one for one in clocks if isinstance(one.slope, float)), None)
     if line is not None and track.reference is not None:
-        mended = replace(mended, reference=_laid(track.reference, line, rows), reference_times=None)
+        laid = _laid(track.reference, line, np.arange(len(rows)))
+        mended = replace(mended, reference=laid, reference_times=None)
         done.append("laid the reference on the rows of the skin")
     left = examine_track(mended)[0].findings
     marks = tuple(

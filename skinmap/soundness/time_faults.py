@@ -13,6 +13,7 @@ from skinmap.clock_lines import UNEXPLAINED, align
 from skinmap.errors import InvalidArrayError
 from skinmap.soundness.finding import Finding, finding, spans_of
 from skinmap.soundness.survey import Survey
+from skinmap.soundness.track import UNSURE
 
 GAP = 1.45  # steps from which two rows may have lost some between them
 SLOWER = 20  # rows on end that come at another rate
@@ -30,6 +31,7 @@ FEW_CHANGES = 6  # channels
 ONE_WAY = 0.9  # of the channels that change: without noise all do so in one direction
 LOADED, RARE = 4, 0.01  # channels away from rest, and the chance that none of them changes
 AWAY = 3.0  # rows by which the clocks must differ somewhere
+SLOW = 0.15  # seconds by which a skin of foam lags its load
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +69,8 @@ def time_faults(survey: Survey) -> TimeFaults:
         text = (
             f"The times are in {track.unit}: read as seconds, the rate is wrong by 1,000 or more."
         )
+        if track.unit == UNSURE:
+            text = f"The times are in {UNSURE}: the rate may be wrong by 1,000."
         do = "write the times in seconds"
         found.append(finding("stamps", text, confidence=0.9, harm=0.3, do=do))
     repeated = _repeats(survey, times)
@@ -445,7 +449,7 @@ def clock_faults(survey: Survey, step: float) -> list[Finding]:
     if values.dtype.kind == "f":
         values = np.nan_to_num(values)
     try:
-        lines = align(values, own, rate=rate)
+        lines = align(values, own, rate=rate, expected=begin * at[1])
     except InvalidArrayError:
         return []
     first = lines[0]
@@ -457,7 +461,9 @@ def clock_faults(survey: Survey, step: float) -> list[Finding]:
     slope = (1.0 + first.slope) * at[1] - 1.0
     offset -= begin * (1.0 + slope)
     ends = offset + slope * begin, offset + slope * (begin + len(reference) - 1)
-    if len(lines) == 1 and max(abs(ends[0]), abs(ends[1])) < max(AWAY, 2.0 * first.residual_rows):
+    away = max(AWAY, 2.0 * first.residual_rows)
+    lags = abs(ends[1] - ends[0]) < away and min(ends) > 0.0 and max(ends) < SLOW * rate
+    if len(lines) == 1 and (lags or max(abs(ends[0]), abs(ends[1])) < away):
         return []
     breaks = [one.first_row for one in lines[1:]]
     more = f"; rows are lost near reference rows {', '.join(map(str, breaks))}" if breaks else ""

@@ -27,7 +27,7 @@ from skinmap.errors import (
 from skinmap.io.recordings.channel_table import SECONDS, channel_columns
 from skinmap.io.recordings.touch_files import Mapping as FileMapping
 from skinmap.io.recordings.touch_files import find_mapping, is_own_archive
-from skinmap.io.text import check_file
+from skinmap.io.text import DECIMAL_COMMA, check_file
 
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
@@ -42,6 +42,8 @@ PRESSURE = {"pressure_bar": 1e5, "pressure_kpa": 1e3, "pressure_pa": 1.0}
 # Columns of a table.
 WORDS = {"label": "labels", "gesture": "labels", "session": "sessions", "person": "people"}
 UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
+UNSURE = "seconds or milliseconds"
+QUICK, SLOW = 0.9, 5.5  # steps of 1 ms to 5 ms, or of seconds: skins send at both rates
 FAR = 10.0  # between parts of which no pose is known [m]
 TABLES = (".csv", ".tsv", ".txt")
 ARRAYS = (".npz", ".mat")
@@ -80,6 +82,8 @@ class Track:
         Of the robot, several separated by commas; empty where the file does not tell.
     robot : str
         What `skinmap.load_robot` loads it by, of pressures; empty where the file does not tell.
+    names : tuple of str
+        Of columns, by id, where a name stands twice.
     """
 
     file: str
@@ -98,6 +102,7 @@ class Track:
     marks: tuple[dict[str, Any], ...] = ()
     part: str = ""
     robot: str = ""
+    names: tuple[str, ...] = ()
 
 
 def files_of(path: Path) -> list[Path]:
@@ -226,9 +231,9 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
             f"`{name}` holds {values.dtype} of shape {values.shape}; numbers (t, n) expected", path
         )
     count, width = values.shape
-    times, unit = _times(_first(held, TIMES), count, path)
+    times, unit = _times(_first(held, TIMES), values, path)
     if times is None and "first_columns" in held and held["first_columns"].ndim == 2:
-        times, unit = _times(held["first_columns"][:, -1], count, path)
+        times, unit = _times(held["first_columns"][:, -1], values, path)
     stretches = _whole(held.get("file_index"), "file_index", count, path)
     events = _whole(_first(held, EVENTS), "events", count, path)
     events = stretches if events is None else events
@@ -248,7 +253,7 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
         raise DataFormatError("the reference pressure is not a list of numbers", path)
     reference_times = held.get("reference_times")
     if reference is not None and reference_times is not None:
-        reference_times, _ = _times(reference_times, len(reference), path, "reference_times")
+        reference_times, _ = _times(reference_times, reference[:, None], path, "reference_times")
     return Track(
         str(path),
         values,
@@ -350,11 +355,12 @@ def _whole(found: NDArray[Any] | None, name: str, count: int, path: Path) -> Int
 
 
 def _times(
-    found: NDArray[Any] | None, count: int, path: Path, name: str = "times"
+    found: NDArray[Any] | None, values: NDArray[Any], path: Path, name: str = "times"
 ) -> tuple[FloatArray | None, str]:
     """Seconds of each row, and the unit that they had in the file where it was another."""
     if found is None:
         return None, ""
+    count = len(values)
     if found.dtype.kind == "M":
         found = found.astype("datetime64[ns]").astype(np.int64) / 1e9
     if found.dtype.kind not in "uif":
@@ -367,9 +373,33 @@ def _times(
     exact = found.astype(np.float64) if found.dtype.kind == "f" else found - found.min()
     steps = np.diff(exact)
     step = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    # Skins send 1 to 5,000 samples a second: a step of 20 is 20 ms, of 20,000 is 20 us apart.
-    scale = 1.0 if step <= 2.0 else 1e-3 if step < 2e3 else 1e-6 if step < 2e6 else 1e-9
-    return exact.astype(np.float64) * scale, UNITS.get(scale, "")
+    scale, unit = _unit(step, float(found.max(initial=0)), values)
+    return exact.astype(np.float64) * scale, unit
+
+
+def _unit(step: float, last: float, values: NDArray[Any]) -> tuple[float, str]:
+    """Seconds in one of the file's, and its name where it is another or open."""
+    scales = (1.0, *UNITS)
+    for scale in scales:
+        if 1e9 < last * scale < 2.5e9 and 1e-4 < step * scale < 10.0:  # since 1970
+            return scale, UNITS.get(scale, "")
+    # Skins send 1 to 1,000 samples a second: a step of 20 is 20 ms, of 20,000 is 20 us apart.
+    which = sum(step >= QUICK * 1000.0**k for k in range(3))
+    if which and step <= SLOW * 1000.0 ** (which - 1):
+        if _leaps(values):
+            which -= 1
+        elif which == 1:
+            return 1.0, UNSURE
+    return scales[which], UNITS.get(scales[which], "")
+
+
+def _leaps(values: NDArray[Any]) -> bool:
+    """Whether touches rise within a row, as they do at a few Hz, not at hundreds."""
+    few = np.nan_to_num(values[:5000].astype(np.float64))
+    total = np.abs(few - np.median(few, axis=0)).sum(axis=1)
+    steps, span = np.abs(np.diff(total)), np.ptp(np.percentile(total, (5.0, 99.5)))
+    loud = span > 20.0 * np.median(steps)  # noise leaps too
+    return bool(loud and (steps > 0.3 * span).sum() >= 5)
 
 
 def _from_table(path: Path) -> Track:
@@ -411,7 +441,7 @@ def _from_table(path: Path) -> Track:
     kept = [k for k in range(len(numbers)) if k not in (clock, event)]
     if mapping is not None and mapping.channels:
         kept = [k for k in kept if names[numbers[k]] in mapping.channels]
-    times, unit = _times(None if clock is None else table[:, clock], len(table), path)
+    times, unit = _times(None if clock is None else table[:, clock], table[:, kept], path)
     if mapping is not None and times is not None and mapping.time_unit is not None:
         times, unit = table[:, clock] * SECONDS[mapping.time_unit], ""
     words: dict[str, tuple[str, ...]] = {}
@@ -435,7 +465,7 @@ def _from_table(path: Path) -> Track:
             ids = np.array([own[one] for one in heads], np.int64)
     return Track(
         str(path), table[:, kept], times, unit, ids, events,
-        found["labels"], found["sessions"], found["people"],
+        found["labels"], found["sessions"], found["people"], names=tuple(names) if twice else (),
     )  # fmt: skip
 
 
@@ -459,16 +489,19 @@ def _is_number(word: str) -> bool:
 def _numbers_of(
     lines: list[str], columns: list[int], width: int, split: str, path: Path
 ) -> FloatArray:
-    """Numbers of some columns; an empty cell is NaN."""
-    mark = None if split == " " else split
+    """Numbers of some columns, with decimal commas beside `;` and tabs; an empty cell is NaN."""
+    mark, commas = None if split == " " else split, split in (";", "\t")
     try:
-        found = np.loadtxt(lines, delimiter=mark, usecols=columns, ndmin=2, comments=None)
+        words = [line.replace(",", ".") for line in lines] if commas else lines
+        found = np.loadtxt(words, delimiter=mark, usecols=columns, ndmin=2, comments=None)
         if found.shape == (len(lines), len(columns)):
             return found
     except ValueError:
         pass
     rows = []
     for number, cells in enumerate(_cells(lines, split, path)):
+        if commas:
+            cells = [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]
         if len(cells) != width:
             raise DataFormatError(f"row {number} has {len(cells)} values, {width} expected", path)
         try:

@@ -355,6 +355,90 @@ def test_touches_here_and_there_give_the_clock_of_a_load():
     assert "fits no part" in found.text
 
 
+@pytest.mark.parametrize(
+    ("step", "begin", "said", "span"),
+    [
+        (2.0, 0, "seconds or milliseconds", 1998.0),
+        (2.0, 1.7e12, "in milliseconds", 1.998),
+        (1000.0, 0, "in microseconds", 0.999),
+        (1e6, 1.7e18, "in nanoseconds", 0.999),
+        (5.0, 1.7e9, "", 4995.0),
+    ],
+)
+def test_times_of_fast_skins_are_not_read_a_thousand_times_wrong(tmp_path, step, begin, said, span):
+    times = int(begin) + np.arange(1000) * int(step)
+    np.savez(tmp_path / "a.npz", samples=noise(), times=times)
+    track = read_track(tmp_path / "a.npz")
+    assert track.times is not None
+    assert np.isclose(np.ptp(track.times), span)
+    text = " ".join(one.text for one in examine_track(track)[0].findings)
+    assert said in text if said else not text
+
+
+def test_a_slow_logger_is_in_seconds_where_touches_leap(tmp_path):
+    touched = np.repeat(np.random.default_rng(1).random((50, 12)) < 0.3, 2, axis=0)
+    values = np.zeros((1000, 12))
+    values[np.r_[0:1000:10, 1:1000:10]] = 100.0 * touched[np.r_[0:100, 0:100]]
+    np.savez(tmp_path / "a.npz", samples=noise() + values, times=np.arange(1000) * 5)
+    track = read_track(tmp_path / "a.npz")
+    assert track.unit == ""
+    assert track.times is not None
+    assert track.times[1] == 5.0
+
+
+def test_a_column_that_stands_twice_is_named(tmp_path):
+    rows = "".join(f"{k / 50},{k % 7},{k % 5},{k % 3}\n" for k in range(60))
+    (tmp_path / "a.csv").write_text("time,ch0,ch2,ch2\n" + rows)
+    found = examine_track(read_track(tmp_path / "a.csv"))[0].findings
+    (text,) = [one.text for one in found if one.kind == "repeated_id"]
+    assert "ch2" in text
+
+
+def test_decimal_commas_are_read(tmp_path):
+    (tmp_path / "a.csv").write_text("time;ch0;ch1\n0,00;1,5;2\n0,02;3;-4,25\n")
+    track = read_track(tmp_path / "a.csv")
+    np.testing.assert_array_equal(track.values, [[1.5, 2.0], [3.0, -4.25]])
+    np.testing.assert_array_equal(track.times, [0.0, 0.02])
+
+
+def test_a_reference_is_laid_on_the_rows_that_a_mended_copy_has():
+    rng = np.random.default_rng(3)
+    felt = pokes(rng)
+    values = np.rint(120.0 * felt + rng.normal(0.0, 0.7, felt.shape))
+    whole = felt.sum(axis=1)
+    seen = np.interp(np.arange(4300) * 1.02 + 60.0, np.arange(4500), whole)
+    twice = np.sort(np.concatenate([np.arange(4500), rng.choice(4500, 110, replace=False)]))
+    made = Track("a", values[twice], np.arange(4500)[twice] / 50, reference=seen)
+    copy, _ = mend(made)
+    assert copy.reference is not None
+    known = np.isfinite(copy.reference)
+    assert np.corrcoef(copy.reference[known], whole[known])[0, 1] > 0.99
+    assert not any(one.matters for one in examine_track(copy)[0].findings)
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_load_on_the_rows_of_the_skin_is_on_its_clock(seed):
+    # Steps roll from heel to toe: most channels follow each other, and lag the load of all.
+    rng = np.random.default_rng(seed)
+    felt, begin = np.zeros((3000, 24)), 50
+    while begin < 2900:
+        lasts = int(rng.integers(28, 40))
+        phase = np.arange(lasts)[:, None] / lasts
+        roll = np.exp(-(((phase - np.linspace(0.2, 0.85, 24) ** 0.6) / 0.15) ** 2))
+        felt[begin : begin + lasts] = rng.uniform(0.8, 1.0) * np.sin(np.pi * phase) ** 0.4 * roll
+        begin += lasts + int(rng.integers(18, 26))
+    values = np.rint(400.0 * felt + rng.normal(0.0, 1.0, felt.shape))
+    load = felt.mean(axis=1)
+    made = Track("a", values, np.arange(3000) / 50, reference=load)
+    assert not [one for one in examine_track(made)[0].findings if one.kind == "clocks"]
+    # Foam answers late, which is no other clock either; a reference that slips is one.
+    late = Track("a", np.roll(values, 5, axis=0), made.times, reference=load)
+    assert not [one for one in examine_track(late)[0].findings if one.kind == "clocks"]
+    slipped = Track("a", values[20:], made.times[20:], reference=load)
+    (found,) = [one for one in examine_track(slipped)[0].findings if one.kind == "clocks"]
+    assert abs(found.offset_rows + 20.0) < 3.0
+
+
 def test_two_long_stretches_at_one_value_are_cut_off_where_noise_moves_all_others():
     rng = np.random.default_rng(5)
     values = pokes(rng)
