@@ -18,7 +18,7 @@ WIDE = 2.2  # of the usual spacing: neighbours lie so near
 FAR = 4.0  # of the usual spacing: another place
 AGREE, DISAGREE, ALIKE = 0.2, 0.05, 0.6  # correlations of channels that are touched together
 TWICE = 2  # episodes of a channel that may have been exchanged with another
-FITS = 0.8  # correlation of an exchanged channel with the neighbours of the other
+FITS = 0.75  # of the median fit of channels to their neighbours, by which an exchanged one fits
 TOGETHER = 0.75  # correlation of the median channel with its neighbours, where they share loads
 CHANCE = 0.05  # of one pair among all
 GAIN = 0.2  # of correlation by which both channels of a pair fit better when exchanged
@@ -53,7 +53,7 @@ def _exchanged(survey: Survey, rows: NDArray[np.int64], at: FloatArray) -> list[
     near[away > WIDE * pitch] = -1  # too far to feel the same
     beside = [one[1:][one[1:] >= 0] for one in near]
     usual = np.column_stack(
-        [np.median(answers[:, own], axis=1) if len(own) >= 3 else np.zeros(len(answers))
+        [np.median(answers[:, own], axis=1) if len(own) >= 2 else np.zeros(len(answers))
          for own in beside]
     )  # fmt: skip
     whole, *halves = (
@@ -61,11 +61,12 @@ def _exchanged(survey: Survey, rows: NDArray[np.int64], at: FloatArray) -> list[
         for part in (slice(None), slice(len(answers) // 2), slice(len(answers) // 2, None))
     )
     gain, *half_gains = (_gain(one) for one in (whole, *halves))
-    if np.median(np.diag(whole)) < TOGETHER:  # neighbours that share no load tell no places
+    middle = float(np.median(np.diag(whole)))
+    if middle < TOGETHER:  # neighbours that share no load tell no places
         return []
     fit = np.minimum(whole, whole.T)
     apart = cdist(at, at) > WIDE * pitch
-    fits = np.where(apart & (fit > FITS) & (np.minimum(*half_gains) > 0.0), gain, 0.0)
+    fits = np.where(apart & (fit > FITS * middle) & (np.minimum(*half_gains) > 0.0), gain, 0.0)
     best = fits.argmax(axis=1)
     one = np.arange(len(rows))
     mutual = (best[best] == one) & (one < best) & (fits[one, best] > GAIN)
