@@ -245,7 +245,7 @@ class RecordingInfo:
     rate_hz
         Samples a second; null for fewer than two.
     gaps
-        Steps above 1.5 times the median.
+        Steps above 1.5 times the median; null where no rate is known and steps vary.
     recovered
         Whether the file was cut off or damaged.
     lost_seconds
@@ -258,7 +258,7 @@ class RecordingInfo:
     seconds: float
     channels: int
     rate_hz: float | None
-    gaps: int
+    gaps: int | None
     recovered: bool
     lost_seconds: float
     skin: RecordedSkin
@@ -320,7 +320,7 @@ def _lines(info: RecordingInfo, touches: Counter[str], damage: list[str]) -> Ite
     rate = float("nan") if info.rate_hz is None else info.rate_hz
     yield (
         f"{info.samples} samples of {info.channels} channels in {info.seconds:.2f} s "
-        f"({rate:.4g} a second), {info.gaps} gaps"
+        f"({rate:.4g} a second), " + ("irregular" if info.gaps is None else f"{info.gaps} gaps")
     )
     taxels = f", {info.skin.taxels} taxels" if info.skin.taxels else ""
     yield f"{info.skin.robot or 'robot unknown'}: {', '.join(info.skin.parts)}{taxels}"

@@ -179,6 +179,8 @@ class OverviewMaker:
 Kind = Literal["raw", "pressure"]
 BLOCK = 1024  # samples that are read at once
 GAP = 1.5  # median steps between two samples that count as a gap
+UNEVEN = 0.4  # of the median step: what half of the steps differ by where they are of any length
+ENOUGH = 8  # samples to judge that
 COARSE = 0.9  # of steps that move a clock fine enough to tell samples apart
 NS = 1_000_000_000
 
@@ -409,14 +411,28 @@ class RecordedStream:
         return float(self.times[-1] - self.times[0]) + step
 
     @property
-    def gaps(self) -> int:
-        """How often more than one and a half steps, or ticks of the clock, passed unseen."""
+    def gaps(self) -> int | None:
+        """How often more than one and a half steps, or ticks of the clock, passed unseen.
+
+        None where nobody gave a rate and the steps vary: no step is too long then.
+        """
+        if self.info.rate == measured_rate(self.times) and _uneven(self.times):
+            return None
         return int((np.diff(self.times) > GAP * max(_step_and_tick(self.times))).sum())
 
 
 def measured_rate(times: FloatArray) -> float:
     """Samples a second by the usual step; 0 where two samples are not there."""
     return 1.0 / step if (step := _step_and_tick(times)[0]) else 0.0
+
+
+def _uneven(times: FloatArray) -> bool:
+    """Whether steps vary so that their median is no rate."""
+    step, tick = _step_and_tick(times)
+    if tick or len(times) < ENOUGH:
+        return False
+    low, high = np.percentile(np.diff(times), (25, 75))
+    return bool(high - low > UNEVEN * step)
 
 
 def _step_and_tick(times: FloatArray) -> tuple[float, float]:
