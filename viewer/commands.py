@@ -308,8 +308,10 @@ def _with_recording(options: Mapping[str, Any]) -> dict[str, Any]:
 
 def _is_recording(path: Path) -> bool:
     from skinmap.io.recordings.touch_files import is_foreign
+    from skinmap.io.ros2.bag import METADATA
 
-    known = path.suffix.lower() in RECORDINGS or (path / "data.log").is_file()
+    known = path.suffix.lower() in RECORDINGS
+    known = known or any((path / one).is_file() for one in ("data.log", METADATA))
     return known or (path.is_file() and is_foreign(path))
 
 

@@ -13,6 +13,7 @@ import click
 
 from skinmap.commands.options import (
     calibration_option,
+    named_robot,
     open_robot,
     out_file,
     part_option,
@@ -20,7 +21,15 @@ from skinmap.commands.options import (
     robot_argument,
 )
 from skinmap.commands.progress import progress
-from skinmap.errors import KINDS, DataFormatError, MissingFileError, OutputError, UnknownNameError
+from skinmap.errors import (
+    KINDS,
+    DataFormatError,
+    MissingFileError,
+    OutputError,
+    SkinError,
+    UnknownNameError,
+    warn,
+)
 from skinmap.imports import import_optional
 from skinmap.io.output import staged_file, staged_folder
 from skinmap.report.present import present
@@ -589,19 +598,44 @@ def export_recording(path: Path, output: Path, format: str | None = None) -> Exp
         if suffix in (*KINDS["a recording"], *WRITERS):
             name = output.name
             raise click.UsageError(f"{format} is a folder, {name!r} is the name of a file")
-        track = open_track(path)
+        track = _with_taxels(open_track(path))
         _write_folder(track, output, format)
     elif suffix == MCAP and mends:
         with staged_file(output) as stage:
             track = write_repaired(path, stage)
     elif suffix in WRITERS:
-        track = open_track(path)
+        track = _with_taxels(open_track(path))
         with staged_file(output) as stage:
             getattr(learning, WRITERS[suffix])(track, stage)
     else:
         formats = [*WRITERS, *([MCAP] if mends else [])]
         raise UnknownNameError("format of a recording for files ending in", suffix, formats)
     return _recording(track.info, track.kind, len(track.times), format or suffix[1:], output)
+
+
+def _with_taxels(track: RecordedStream) -> RecordedStream:
+    """A recording without tables, with those of the robot that a mapping or our file names."""
+    from skinmap.skin.skin import fingerprint
+    from skinmap.skin.taxels import TaxelTable
+
+    if track.tables or not track.manifest:
+        return track
+    try:
+        robot = named_robot(track.manifest)
+    except SkinError as error:
+        warn(f"written without its taxels: {error}")
+        return track
+    found = {}
+    for part, width in zip(track.parts, track.info.widths, strict=True):
+        if part not in robot.parts:
+            continue
+        skin = robot.skin(part)
+        same = track.info.fingerprints.get(part) in (None, fingerprint(skin))
+        if same and (len(skin) == width or skin.channels.max() < width):
+            found[part] = TaxelTable(
+                skin.channels, skin.modules, skin.positions, skin.normals, link=skin.link
+            )
+    return dataclasses.replace(track, tables=found)
 
 
 def _write_folder(track: RecordedStream, output: Path, format: str) -> None:

@@ -245,7 +245,7 @@ class RecordingInfo:
     rate_hz
         Samples a second; null for fewer than two.
     gaps
-        Steps above 1.5 times the median.
+        Steps above 1.5 times the median; null where no rate is known and steps vary.
     recovered
         Whether the file was cut off or damaged.
     lost_seconds
@@ -258,7 +258,7 @@ class RecordingInfo:
     seconds: float
     channels: int
     rate_hz: float | None
-    gaps: int
+    gaps: int | None
     recovered: bool
     lost_seconds: float
     skin: RecordedSkin
@@ -319,9 +319,10 @@ def work(path: Path, robot: str | None) -> tuple[RecordingInfo, Counter[str], li
 def _lines(info: RecordingInfo, touches: Counter[str], damage: list[str]) -> Iterator[str]:
     rate = float("nan") if info.rate_hz is None else info.rate_hz
     apart = f", {info.samples / rate:.1f} s of samples" if info.gaps else ""
+    gaps = "irregular" if info.gaps is None else f"{info.gaps} gap{'s' * (info.gaps != 1)}"
     yield (
         f"{info.samples} samples of {info.channels} channels{apart} in {info.seconds:.2f} s "
-        f"({rate:.4g} a second), {info.gaps} gap{'s' * (info.gaps != 1)}"
+        f"({rate:.4g} a second), {gaps}"
     )
     taxels = f", {info.skin.taxels} taxels" if info.skin.taxels else ""
     yield f"{info.skin.robot or 'robot unknown'}: {', '.join(info.skin.parts)}{taxels}"

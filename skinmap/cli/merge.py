@@ -64,8 +64,9 @@ class MergeResult:
 def command(recordings: tuple[Path, ...], output: Path, as_json: bool) -> None:
     """Join recordings of one robot, one after the other, with their touches and sessions.
 
-    Pressures are joined; raw values and joint angles stay in the recordings they came from. Of
-    recordings of different parts only .npz can be written.
+    All times of a file are moved by the same, to 1 s after the file before. Pressures are joined;
+    raw values and joint angles stay in the recordings they came from. Of recordings of different
+    parts only .npz can be written.
 
     \b
     Example:  skinmap merge poke.mcap rub.mcap -o both.mcap
@@ -81,7 +82,7 @@ def work(paths: Sequence[Path], output: Path) -> MergeResult:
     OutputError
         A file that is there, or one of those that are read.
     SkinMismatchError
-        Recordings of different robots, skins or rates.
+        Recordings of different robots, skins or rates; of different parts, in MCAP.
     """
     from skinmap.cli.collection import files_of, session_names
     from skinmap.io.recordings.touch_files import check_suffix, read_recordings, save_recordings
@@ -105,19 +106,30 @@ def work(paths: Sequence[Path], output: Path) -> MergeResult:
         raise SkinMismatchError(
             f"recordings of several robots: {named}; `train` takes them as they are"
         )
+    felt_by = {file: sorted({one.part for one in found}) for file, found in read.items()}
+    for file, own in felt_by.items():
+        if output.suffix.lower() == ".mcap" and own != felt_by[files[0]]:
+            # A sample of MCAP holds all parts: a part that a file lacks would read zero there.
+            raise SkinMismatchError(
+                f"{file} holds {', '.join(own)}, {files[0]} {', '.join(felt_by[files[0]])}: "
+                "recordings of different parts can be joined in .npz only"
+            )
     robot = next(iter(robots), "")
     model = named_robot(robot) if robot else None
-    parts: dict[str, list[tuple[Path, Recording]]] = {}
-    stuck = 0
+    parts: dict[str, list[tuple[str, Recording, float]]] = {}
+    stuck, end = 0, 0.0
     for file, found in read.items():
+        known = [one.times for one in found if len(one.times)]
+        shift = end - min((float(one[0]) for one in known), default=0.0)
+        end = max((float(one[-1]) + shift + APART for one in known), default=end)
         for one in found:
             felt = one
             skin = model.skin(one.part) if model and one.part in model.parts else None
             if skin is not None and len(skin) == one.pressures.shape[1]:
                 felt, _ = without_stuck(one, PreparedSkin(skin).geometry)
             stuck += len(one.labels) - len(felt.labels)
-            parts.setdefault(one.part, []).append((file, felt))
-    joined = [join([(sessions[file], one) for file, one in own]) for own in parts.values()]
+            parts.setdefault(one.part, []).append((sessions[file], felt, shift))
+    joined = [join(own) for own in parts.values()]
     with staged_file(output) as stage:
         save_recordings(joined, stage, suffix=output.suffix, robot=model)
     labels = Counter(label for one in joined for label in one.labels)
@@ -131,8 +143,8 @@ def work(paths: Sequence[Path], output: Path) -> MergeResult:
     )
 
 
-def join(recordings: Sequence[tuple[str, Recording]]) -> Recording:
-    """Recordings of one part, with their sessions, one after the other.
+def join(recordings: Sequence[tuple[str, Recording, float]]) -> Recording:
+    """Recordings of one part, each with its session and the time [s] to move it by.
 
     Raises
     ------
@@ -143,9 +155,9 @@ def join(recordings: Sequence[tuple[str, Recording]]) -> Recording:
 
     from skinmap.touch.recording import Recording
 
-    _, first = recordings[0]
-    layouts = {one.fingerprint for _, one in recordings if one.fingerprint}
-    for session, one in recordings[1:]:
+    _, first, _ = recordings[0]
+    layouts = {one.fingerprint for _, one, _ in recordings if one.fingerprint}
+    for session, one, _ in recordings[1:]:
         if one.pressures.shape[1] != first.pressures.shape[1] or len(layouts) > 1:
             raise SkinMismatchError(
                 f"{session}: {one.part!r} has another skin than in {recordings[0][0]}: "
@@ -156,30 +168,27 @@ def join(recordings: Sequence[tuple[str, Recording]]) -> Recording:
                 f"{session} has {one.rate:.4g} samples a second, {recordings[0][0]} "
                 f"{first.rate:.4g}: they do not follow each other; `train` takes both"
             )
-    times, events, shift, count = [], [], 0.0, 0
+    events, count = [], 0
     motions: list[TrueMotion | None] = []
-    for _, one in recordings:
-        begin = float(one.times[0]) if len(one.times) else 0.0
-        times.append(one.times - begin + shift)
+    for _, one, shift in recordings:
         events.append(np.where(one.events >= 0, one.events + count, -1))
         count += len(one.labels)
         truth = one.motions or (None,) * len(one.labels)
-        motions += [None if true is None else true.shifted(shift - begin) for true in truth]
-        shift = float(times[-1][-1]) + APART if len(one.times) else shift
+        motions += [None if true is None else true.shifted(shift) for true in truth]
     owners = None
-    if any(one.owners is not None for _, one in recordings):
-        owners = np.concatenate([_owners(one) for _, one in recordings])
+    if any(one.owners is not None for _, one, _ in recordings):
+        owners = np.concatenate([_owners(one) for _, one, _ in recordings])
     return Recording(
         first.part,
-        np.concatenate(times),
-        np.concatenate([one.pressures for _, one in recordings]),
+        np.concatenate([one.times + shift for _, one, shift in recordings]),
+        np.concatenate([one.pressures for _, one, _ in recordings]),
         np.concatenate(events),
-        tuple(label for _, one in recordings for label in one.labels),
-        np.concatenate([one.subjects for _, one in recordings]),
+        tuple(label for _, one, _ in recordings for label in one.labels),
+        np.concatenate([one.subjects for _, one, _ in recordings]),
         owners,
         robot=first.robot,
-        sessions=tuple(said or name for name, one in recordings for said in one.sessions),
-        people=tuple(who for _, one in recordings for who in one.people),
+        sessions=tuple(said or name for name, one, _ in recordings for said in one.sessions),
+        people=tuple(who for _, one, _ in recordings for who in one.people),
         motions=tuple(motions) if any(motions) else (),
     )
 
@@ -199,4 +208,6 @@ def _lines(result: MergeResult) -> Iterator[str]:
     yield f"{sum(result.touches.values())} touches: {named}"
     if result.stuck:
         yield f"{result.stuck} marks left out: only stuck taxels were pressed"
+    if len(result.recordings) > 1:
+        yield f"times moved: each recording begins {APART:g} s after the end of the one before"
     yield f"sessions: {', '.join(f'{count} {name}' for name, count in result.sessions.items())}"

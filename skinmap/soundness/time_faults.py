@@ -21,6 +21,8 @@ JUMP = 0.7  # steps by which rows behind a gap are later than those before it
 CLOSE = 0.3  # of a step: rows that came together
 BURST = 3  # rows
 SPREAD = 0.12  # of a step: what times of a sensor scatter by at most
+AHEAD, ADDED = 8, 2.0  # rows over which independent steps add up, and to how many times one
+PAUSE = 20  # rows that even a sensor without a rate lets pass by a gap only
 CROWD = 10  # rows behind a step back that cannot stand between those before it by chance
 SLIPS = 5000  # backward steps that are looked at one by one
 HELD = 3  # rows for which a moving touch stands still only if rows are repeated
@@ -324,6 +326,11 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
     for own in pieces:
         if len(own) < 3:
             continue
+        if _adds_up(times[own], step):  # a sensor without a rate: only a long pause is a gap
+            still = np.zeros(len(own), bool)
+            far = [one for one in _gaps(times[own], still, step) if one[2] >= PAUSE]
+            gaps += [(int(own[a]), int(own[b]), n) for a, b, n in far]
+            continue
         steps = np.diff(times[own])
         together = np.flatnonzero(steps < CLOSE * step) + 1
         runs = [
@@ -396,6 +403,22 @@ def _gaps(times: FloatArray, inside: NDArray[np.bool_], step: float) -> list[tup
         if jump > least:
             found.append((int(calm[at]), int(calm[at + 1]), max(round(jump / step), 1)))
     return found
+
+
+def _adds_up(times: FloatArray, step: float) -> bool:
+    """Whether rows come at steps of any length: their deviations add up from row to row.
+
+    Those of a writer do not: a row that came late leaves the next one as it was. Steps of whole
+    numbers of the usual one are of lost rows.
+    """
+    steps = np.diff(times) / step
+    if len(steps) < 24 * AHEAD or np.median(np.abs(steps - np.rint(steps))) < 0.8 * SPREAD:
+        return False
+    near, far = (
+        float(np.median(np.abs(times[2 * k :] - 2.0 * times[k:-k] + times[: -2 * k])))
+        for k in (1, AHEAD)
+    )
+    return far > ADDED * near
 
 
 def _scatter(times: FloatArray, inside: NDArray[np.bool_], step: float) -> FloatArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -184,6 +185,20 @@ def test_merge_keeps_samples_touches_and_sessions(tmp_path):
     assert (np.diff(both.times) > 0).all()
     assert told["touches"] == {"a": 1, "b": 2}
     assert told["sessions"] == {"x": 2, "evening": 1}
+
+
+def test_merge_lays_different_parts_one_after_the_other(tmp_path):
+    pad, sleeve = recorded(["a", "b"], part="pad"), recorded(["a"], part="sleeve", taxels=3)
+    later = replace(pad, times=pad.times + 1.7e9)  # on a clock of Unix time
+    skinmap.save_recordings([pad, sleeve], tmp_path / "x.npz")
+    files = tmp_path / "x.npz", saved(tmp_path / "y.npz", sleeve), saved(tmp_path / "z.npz", later)
+    run("merge", *files, "-o", tmp_path / "all.npz")
+    found = {one.part: one.times for one in skinmap.load_recordings(tmp_path / "all.npz")}
+    ends = pad.times[-1] + 1.0, pad.times[-1] + sleeve.times[-1] + 2.0
+    np.testing.assert_allclose(found["sleeve"], [*sleeve.times, *(sleeve.times + ends[0])])
+    np.testing.assert_allclose(found["pad"], [*pad.times, *(pad.times + ends[1])], atol=1e-6)
+    said = refuse("merge", *files, "-o", tmp_path / "all.mcap")
+    assert "y.npz holds sleeve, " in said
 
 
 @pytest.mark.parametrize(

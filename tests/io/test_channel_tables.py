@@ -36,7 +36,7 @@ def write_csv(path, channels, values, *, times=None, extra=()):
     times = np.arange(len(values)) / 10 if times is None else times
     head = ["time", *(f"ch{k}" for k in channels), *(name for name, _ in extra)]
     rows = [
-        [f"{t:g}", *map(str, row), *(str(column[k]) for _, column in extra)]
+        [f"{t}", *map(str, row), *(str(column[k]) for _, column in extra)]
         for k, (t, row) in enumerate(zip(times, values, strict=True))
     ]
     path.write_text("\n".join(",".join(row) for row in [head, *rows]))
@@ -148,6 +148,7 @@ def refused(tmp_path, text, *, mapping=MAPPING, match=".", name="t.csv"):
         ("time,ch0\n0,1\n0.2,1\n0.1,1\n", "out of order: sample 2 at 0.1 s comes after 0.2 s"),
         ("time,ch0\n0,nan\n", "sample 0 holds no number at channel 0"),
         ("time,ch0\n0,much\n", "sample 0 holds 'much', no number"),
+        ("# made\n\ntime,ch0,ch1\n0,1,2\n1,2,\n", r"sample 1 holds '', .* 'ch1' \(line 5\)"),
         ("time,ch0\n0,1,2\n", "sample 0 has 3 values for 2 columns"),
         ("time,load\n0,1\n", "columns without a channel's number: load"),
         ("when,ch0\n0,1\n", "no column 'time'"),
@@ -258,6 +259,8 @@ def test_a_recording_of_others_is_exported(tmp_path, channels, values):
         rows = np.argsort(np.argsort(channels))
         held = file[f"{PART}/values"][()]
         assert held.shape == values.shape
+        skin = skinmap.load_robot("kaspar").skin(PART)
+        np.testing.assert_array_equal(file[f"{PART}/positions"][()], skin.positions)
         assert np.array_equal(held[:, np.argsort(rows)], values[:, np.argsort(channels)])
 
 
@@ -312,6 +315,28 @@ def test_decimal_commas_are_read_where_other_signs_separate_columns(tmp_path, ch
     (one,) = read_recordings(path)
     assert (one.pressures == 7).all()
     np.testing.assert_allclose(one.times, np.arange(8) / 50)
+
+
+def test_nanoseconds_since_1970_keep_their_steps(tmp_path, channels, values):
+    path = tmp_path / "t.csv"
+    write_csv(
+        path, channels, values, times=1_764_378_000_000_000_000 + 20_000_000 * np.arange(SAMPLES)
+    )
+    path.with_suffix(".toml").write_text(MAPPING + 'time_unit = "ns"\n')
+    np.testing.assert_allclose(np.diff(read_recordings(path)[0].times), 0.02, atol=1e-6)
+
+
+def test_steps_of_any_length_have_no_gaps(tmp_path, channels, values):
+    path = tmp_path / "t.csv"
+    steps = np.random.default_rng(0).uniform(0.01, 0.04, SAMPLES)
+    for times, gaps in ((np.cumsum(steps), None), (np.arange(SAMPLES) / 50, 0)):
+        write_csv(path, channels, values, times=times)
+        path.with_suffix(".toml").write_text(MAPPING)
+        told = CliRunner().invoke(cli, ["info", str(path), "--json"])
+        assert json.loads(told.stdout)["gaps"] == gaps
+    late = np.arange(SAMPLES) / 50 + (np.arange(SAMPLES) >= SAMPLES // 2)
+    write_csv(path, channels, values, times=late)
+    assert "1 gaps" in CliRunner().invoke(cli, ["info", str(path)]).stdout
 
 
 def test_times_in_another_unit_and_channels_from_one_are_named(tmp_path, channels, values):

@@ -731,6 +731,19 @@ def test_parts_of_a_recording_are_examined_at_their_own_times(tmp_path):
     assert [(one.kind, one.file) for one in found] == [("lost", f"{tmp_path}: b")]
 
 
+@pytest.mark.parametrize("seed", range(3))
+def test_steps_of_any_length_are_no_writers_scatter(seed):
+    """A sensor without a rate: its deviations from even times add up, those of a writer do not."""
+    rng = np.random.default_rng(seed)
+    values = np.rint(40.0 + 100.0 * pokes(rng, rows=600) + rng.normal(0.0, 1.0, (600, 100)))
+    honest = np.cumsum(rng.uniform(0.01, 0.04, 600))
+    assert examine_track(Track("a", values, honest))[0].findings == []
+    paused = honest + 3.0 * (np.arange(600) >= 300)
+    assert [one.kind for one in examine_track(Track("a", values, paused))[0].findings] == ["lost"]
+    late = np.maximum.accumulate(np.arange(600) / 50 + rng.exponential(0.014, 600))
+    assert "stamps" in [one.kind for one in examine_track(Track("a", values, late))[0].findings]
+
+
 @pytest.mark.parametrize("wrong", ["ms", "ns", "digits", "coarse"])
 def test_broken_times_are_no_sound_ones(tmp_path, wrong):
     """A mapping that leaves the unit out does not make seconds of other units."""

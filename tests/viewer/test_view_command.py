@@ -114,6 +114,14 @@ def test_recording_gives_picture_movie_page_and_gltf(opengl, tmp_path, recording
     assert all(path.stat().st_size > 5000 for path in names.values())
 
 
+def test_a_bag_alone_is_a_recording(opengl, tmp_path, recording):
+    bag = tmp_path / "bag"
+    words = ["export", str(recording), "--format", "rosbag2", "-o", str(bag)]
+    assert CliRunner().invoke(cli, words).exit_code == 0
+    shown = CliRunner().invoke(cli, ["view", str(bag), "--screenshot", str(tmp_path / "a.png")])
+    assert shown.exit_code == 0, shown.output
+
+
 def test_picture_at_a_time_shows_that_time(opengl, tmp_path, recording, model):
     path = tmp_path / "out.png"
     words = (*FOOT, "--source", str(recording), "--model", str(model), "--screenshot", str(path))

@@ -29,7 +29,7 @@ from skinmap.touch.recording import Recording, check_label
 
 Numbered = Literal["channel", "id", "count"]
 MAX_BYTES = 2**30  # a table is read whole
-SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6}
+SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 NUMBER = re.compile(r"\D*([0-9]+)")  # ch12, taxel_12, 12
 MAX_SECONDS = 2.0**34  # as recordings of ours hold at most
 APART = 1.0  # seconds between stretches whose times begin anew
@@ -254,7 +254,16 @@ def read_table(path: Path) -> list[Recording]:
     said: list[list[str] | None] = [None if name is None else [] for name in words]
     held, known = array("d"), dict[str, str]()  # a word takes ten times the memory of its number
     for number, row in enumerate(rows):
-        _take(held, row, columns, number, path)
+        try:
+            held.extend([float(row[k]) for k in columns])
+        except ValueError:
+            wrong = _first_wrong(row, columns)
+            line = _line_of(number, mapping, path)
+            raise DataFormatError(
+                f"sample {number} holds {row[wrong]!r}, no number, in column {names[wrong]!r} "
+                f"(line {line})",
+                path,
+            ) from None
         for name, column in zip(words, said, strict=True):
             if name is not None and column is not None:
                 word = row[place[name]]
@@ -344,13 +353,21 @@ def channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict[
     return numbers
 
 
-def _take(held: array[float], row: list[str], columns: list[int], number: int, path: Path) -> None:
-    """Put the numbers of a sample behind those of the samples before."""
-    try:
-        held.extend([float(row[k]) for k in columns])
-    except ValueError as error:  # "could not convert string to float: 'abc'"
-        word = str(error).partition(": ")[2]
-        raise DataFormatError(f"sample {number} holds {word}, no number", path) from None
+def _first_wrong(row: list[str], columns: list[int]) -> int:
+    """The first of some columns that holds no number."""
+    for column in columns:
+        try:
+            float(row[column])
+        except ValueError:
+            return column
+    return -1
+
+
+def _line_of(number: int, mapping: Mapping, path: Path) -> int:
+    """Line of a sample in its file, from 1."""
+    with path.open(encoding="utf-8-sig") as file:
+        lines = (k for k, line in enumerate(file, 1) if line.strip() and line[0] != "#")
+        return next(islice(lines, number + (not mapping.columns), None))
 
 
 def _events(

@@ -180,6 +180,8 @@ Kind = Literal["raw", "pressure"]
 BLOCK = 1024  # samples that are read at once
 GAP = 1.5  # median steps between two samples that count as a gap
 EVEN = 20  # steps that a told rate is compared with, at least
+UNEVEN = 0.4  # of the median step: what half of the steps differ by where they are of any length
+ENOUGH = 8  # samples to judge that
 COARSE = 0.9  # of steps that move a clock fine enough to tell samples apart
 NS = 1_000_000_000
 
@@ -410,8 +412,13 @@ class RecordedStream:
         return float(self.times[-1] - self.times[0]) + step
 
     @property
-    def gaps(self) -> int:
-        """How often more than one and a half steps, or ticks of the clock, passed unseen."""
+    def gaps(self) -> int | None:
+        """How often more than one and a half steps, or ticks of the clock, passed unseen.
+
+        None where nobody gave a rate and the steps vary: no step is too long then.
+        """
+        if self.info.rate == measured_rate(self.times) and _uneven(self.times):
+            return None
         return int((np.diff(self.times) > GAP * max(_step_and_tick(self.times))).sum())
 
 
@@ -433,6 +440,15 @@ def rate_by_times(times: FloatArray, told: float) -> float:
     even = min(low, mean) > 0.75 * usual and max(high, mean) < 1.25 * usual
     off = not 0.9 < usual * told < 1.1 and usual * told < 100.0  # more: another unit
     return 1.0 / usual if even and off else told
+
+
+def _uneven(times: FloatArray) -> bool:
+    """Whether steps vary so that their median is no rate."""
+    step, tick = _step_and_tick(times)
+    if tick or len(times) < ENOUGH:
+        return False
+    low, high = np.percentile(np.diff(times), (25, 75))
+    return bool(high - low > UNEVEN * step)
 
 
 def _step_and_tick(times: FloatArray) -> tuple[float, float]:

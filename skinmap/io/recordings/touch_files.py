@@ -66,7 +66,7 @@ class Mapping(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         Where the suffix does not tell: a name of the recording formats.
     time : str
         Column of the times.
-    time_unit : {"s", "ms", "us"}, optional
+    time_unit : {"s", "ms", "us", "ns"}, optional
         Seconds where nothing is stated.
     rate_hz : float, optional
         Samples a second where there is no column of times.
@@ -92,7 +92,7 @@ class Mapping(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     part: str
     format: str | None = None
     time: str = "time"
-    time_unit: Literal["s", "ms", "us"] | None = None
+    time_unit: Literal["s", "ms", "us", "ns"] | None = None
     rate_hz: Positive | None = None
     columns: tuple[str, ...] = ()
     channels: dict[str, Annotated[int, msgspec.Meta(ge=0)]] = {}
