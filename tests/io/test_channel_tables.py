@@ -336,7 +336,7 @@ def test_steps_of_any_length_have_no_gaps(tmp_path, channels, values):
         assert json.loads(told.stdout)["gaps"] == gaps
     late = np.arange(SAMPLES) / 50 + (np.arange(SAMPLES) >= SAMPLES // 2)
     write_csv(path, channels, values, times=late)
-    assert "1 gaps" in CliRunner().invoke(cli, ["info", str(path)]).stdout
+    assert "1 gap" in CliRunner().invoke(cli, ["info", str(path)]).stdout
 
 
 def test_times_in_another_unit_and_channels_from_one_are_named(tmp_path, channels, values):

@@ -121,11 +121,12 @@ class SampleChecks:
         values = self._mended(block.values)
         if self._watched and block.values.dtype.kind in "fi":
             self._watch(block.values)
-        first = self._arrived != self._arrived  # NaN: what comes at once took no time here
-        passed, self._arrived = 0.0 if first else block.arrived - self._arrived, block.arrived
+        passed, self._arrived = block.arrived - self._arrived, block.arrived
         last = block.times[0] if self._last != self._last else self._last
-        # What is missing takes time; where none has passed here, only the clock went on.
-        jumped = np.diff(block.times, prepend=last).max() > passed + JUMP
+        steps = np.diff(block.times, prepend=last)
+        # What is missing takes time; where none has passed here, only the clock went on. What
+        # comes first may have waited: its clock goes wrong only where all of its steps are long.
+        jumped = steps.max() > passed + JUMP or (passed != passed and np.median(steps) > JUMP)
         rows: list[int] = []
         anew = False
         for row, time in enumerate(block.times.tolist()):
@@ -160,7 +161,8 @@ class SampleChecks:
         if len(self._seen) <= max(EVEN, told):
             return
         self._compared = True
-        found = rate_by_times(np.array(self._seen), told)
+        # Samples that share a time are left out: the others then tell no rate.
+        found = told if self._counts.repeated else rate_by_times(np.array(self._seen), told)
         if found != told:
             self._counts.lost -= self._missed
             self._behind = 0.0
