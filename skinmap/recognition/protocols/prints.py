@@ -200,7 +200,7 @@ def fit_areas(spots: Spots, prints: Prints, person: IntArray) -> AreaModel:
     people = np.unique(person[good])
     if len(people) < 3 or len(good) < 30:
         raise InvalidArrayError(
-            f"{len(good)} contacts with a print, of {len(people)} people: areas need 30 of 3 people "
+            f"{len(good)} contacts with a print, of {len(people)} people: areas need 30 of 3 "
             f"people (a contact is {SMALLEST} neighbouring readings above {ACTIVE:g} counts)"
         )
     features, truth = spots.features[good], np.log(prints.area_mm2[good])
