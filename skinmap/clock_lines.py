@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -220,6 +221,17 @@ def _lines(
     )  # fmt: skip
 
 
+class _Place(NamedTuple):
+    """Where a reference lies: lines of one slope, from some first rows on.
+
+    Offsets (k,) hold at the middle of the reference.
+    """
+
+    slope: float
+    offsets: FloatArray
+    firsts: IntArray = np.zeros(1, np.int64)
+
+
 class _Alignment:
     """The search of lines for one signal (t,) and one reference (u,)."""
 
@@ -233,6 +245,7 @@ class _Alignment:
         self.rows = np.arange(0, len(reference), COARSE)
         self.coarse = _trailing(self.reference, COARSE)
         self.middle = len(reference) / 2
+        self.wide = max(len(reference) // WINDOWS, 100)  # rows of a window
 
     def left(self, positions: FloatArray, *, least: float = OVERLAP) -> float:
         """Share of the reference's variance that features at these rows leave unexplained."""
@@ -250,175 +263,151 @@ class _Alignment:
             return np.inf
         return max(1.0 - float(toward @ np.linalg.solve(square, toward)) / power, 1e-9)
 
-    def cost(self, slope: float, offsets: FloatArray, firsts: IntArray) -> float:
-        """What the search makes small; `offsets` hold at the middle of the reference."""
-        places = self.places(self.rows, slope, offsets, firsts)
-        return float(np.log(self.left(places)) + self.far(slope, offsets[0]))
+    def cost(self, at: _Place) -> float:
+        """What the search makes small."""
+        # Clocks rather go alike and begin together: decides where the misfit does not.
+        beyond = max(abs(at.offsets[0]) - abs(len(self.features) - len(self.reference)) / 2, 0.0)
+        far = PRIOR * ((at.slope / 0.01) ** 2 + (beyond / 500.0) ** 2)
+        return float(np.log(self.left(self.places(self.rows, at))) + far)
 
-    def places(
-        self, rows: IntArray, slope: float, offsets: FloatArray, firsts: IntArray
-    ) -> FloatArray:
+    def places(self, rows: IntArray, at: _Place) -> FloatArray:
         """Rows of the skin that belong to rows of the reference."""
-        which = np.maximum(np.searchsorted(firsts, rows, side="right") - 1, 0)
-        return rows + offsets[which] + slope * (rows - self.middle)
-
-    def far(self, slope: float, lag: float) -> float:
-        """Clocks rather go alike and begin together: decides where the misfit does not."""
-        beyond = max(abs(lag) - abs(len(self.features) - len(self.reference)) / 2, 0.0)
-        return PRIOR * ((slope / 0.01) ** 2 + (beyond / 500.0) ** 2)
+        which = np.maximum(np.searchsorted(at.firsts, rows, side="right") - 1, 0)
+        return rows + at.offsets[which] + at.slope * (rows - self.middle)
 
     def lines(self, expected: float | None) -> tuple[ClockLine, ...]:
         """The best lines."""
-        slope, offsets = self._coarse()
-        firsts = np.zeros(1, np.int64)
-        slope, offsets = self._finer(slope, offsets, firsts)
-        slope, offsets = self._without_wrong(slope, offsets, firsts)
-        while len(firsts) < 6:
-            more = self._broken(slope, offsets, firsts)
-            if more is None:
-                break
-            slope, offsets, firsts = more
-        left = self.left(self.places(self.rows, slope, offsets, firsts), least=0.0)
-        alike = (
-            np.inf if expected is None else self.left(np.asarray(self.rows + expected, np.float64))
-        )
-        if expected is not None and alike < CLEARLY * left:
-            slope, offsets, firsts, left = 0.0, np.array([expected]), np.zeros(1, np.int64), alike
-        residual = self._residual(slope, offsets, firsts)
+        found = self._without_wrong(self._finer(self._coarse()))
+        while len(found.firsts) < 6 and (more := self._broken(found)):
+            found = more
+        left = self.left(self.places(self.rows, found), least=0.0)
+        if expected is not None:
+            alike = self.left(np.asarray(self.rows + expected, np.float64))
+            if alike < CLEARLY * left:
+                found, left = _Place(0.0, np.array([expected])), alike
+        residual, slope = self._residual(found), float(found.slope)
         return tuple(
-            ClockLine(int(first), float(offset - slope * self.middle), float(slope), residual, left)
-            for first, offset in zip(firsts, offsets, strict=True)
+            ClockLine(int(first), float(offset - slope * self.middle), slope, residual, left)
+            for first, offset in zip(found.firsts, found.offsets, strict=True)
         )
 
-    def _coarse(self) -> tuple[float, FloatArray]:
+    def _coarse(self) -> _Place:
         count = len(self.reference)
         open_ends = abs(len(self.features) - count) / 2 + MOST_LAG * count
         most = max(LEAST_LAG, open_ends) // COARSE * COARSE
         lags = np.arange(-most, most + 1, COARSE) + (len(self.features) - count) / 2
-        none = np.zeros(1, np.int64)
         tried = [
-            (self.cost(slope, np.array([lag]), none), slope, lag)
+            (self.cost(_Place(slope, np.array([lag]))), slope, lag)
             for slope in np.arange(-MOST_SLOPE, MOST_SLOPE + 1e-9, 0.002)
             for lag in lags
         ]
-        best = []
-        for cost, slope, lag in sorted(tried)[:8]:
-            if np.isfinite(cost):
-                slope, (lag,) = self._finer(slope, np.array([lag]), none, rough=True)
-                best.append((self.cost(slope, np.array([lag]), none), slope, lag))
+        best = [
+            self._finer(_Place(slope, np.array([lag])), rough=True)
+            for cost, slope, lag in sorted(tried)[:8]
+            if np.isfinite(cost)
+        ]
         if not best:
             raise InvalidArrayError("the reference and the samples overlap too little to align")
-        _, slope, lag = min(best)
-        return slope, np.array([lag])
+        return min(best, key=lambda one: (self.cost(one), one.slope, one.offsets[0]))
 
-    def _finer(
-        self, slope: float, offsets: FloatArray, firsts: IntArray, *, rough: bool = False
-    ) -> tuple[float, FloatArray]:
+    def _finer(self, at: _Place, *, rough: bool = False) -> _Place:
         """Go downhill, by steps that shrink."""
-        offsets = offsets.astype(np.float64)
-        best = self.cost(slope, offsets, firsts)
-        ends = np.append(firsts[1:], len(self.reference))
-        centres = (firsts + ends) / 2 - self.middle  # lines turn about their own middle
+        at = at._replace(offsets=at.offsets.astype(np.float64))
+        best = self.cost(at)
+        ends = np.append(at.firsts[1:], len(self.reference))
+        centres = (at.firsts + ends) / 2 - self.middle  # lines turn about their own middle
         steps = ((1e-3, 10.0), (5e-4, 5.0)) if rough else ((5e-4, 5.0), (2e-4, 2.0), (1e-4, 1.0))
         for by_slope, by_rows in steps:
             for _ in range(20):
-                tries = [(slope + turn, offsets - turn * centres) for turn in (-by_slope, by_slope)]
-                for which in range(len(offsets)):
-                    for sign in (-1, 1):
-                        moved = offsets.copy()
-                        moved[which] += sign * by_rows
-                        tries.append((slope, moved))
-                costs = [self.cost(*one, firsts) for one in tries]
+                tries = [
+                    at._replace(slope=at.slope + turn, offsets=at.offsets - turn * centres)
+                    for turn in (-by_slope, by_slope)
+                ]
+                for which in range(len(at.offsets)):
+                    for move in (-by_rows, by_rows):
+                        moved = at.offsets.copy()
+                        moved[which] += move
+                        tries.append(at._replace(offsets=moved))
+                costs = [self.cost(one) for one in tries]
                 least = int(np.argmin(costs))
                 if costs[least] >= best:
                     break
-                best, (slope, offsets) = costs[least], tries[least]
-        return slope, offsets
+                best, at = costs[least], tries[least]
+        return at
 
-    def _without_wrong(
-        self, slope: float, offsets: FloatArray, firsts: IntArray
-    ) -> tuple[float, FloatArray]:
+    def _without_wrong(self, at: _Place) -> _Place:
         """Leave out a load that the skin never felt, where nearly all of the misfit is its own."""
-        misfit = self._windows(slope, offsets, firsts, level=True)
+        misfit = self._windows(at, level=True)
         least = misfit.min(axis=1)
         wrong = (least > WRONG * np.median(least)) & (least > 0.5 * misfit[:, REACH])
-        rows, before = self.rows, self.cost(slope, offsets, firsts)
-        wide = max(len(self.reference) // WINDOWS, 100)
-        inside = (rows >= self._starts()[wrong, None]) & (rows < self._starts()[wrong, None] + wide)
+        rows, before = self.rows, self.cost(at)
+        starts = self._starts()[wrong, None]
+        inside = (rows >= starts) & (rows < starts + self.wide)
         self.rows = rows[~inside.any(axis=0)]
-        without = self._finer(slope, offsets, firsts)
-        if self.cost(*without, firsts) < before - np.log(FALSE):
+        without = self._finer(at)
+        if self.cost(without) < before - np.log(FALSE):
             return without
         self.rows = rows
-        return slope, offsets
+        return at
 
     def _starts(self) -> IntArray:
         """First row of each window."""
-        last = len(self.reference) - max(len(self.reference) // WINDOWS, 100)
-        return np.linspace(0, last, WINDOWS).astype(np.int64)
+        return np.linspace(0, len(self.reference) - self.wide, WINDOWS).astype(np.int64)
 
-    def _windows(
-        self, slope: float, offsets: FloatArray, firsts: IntArray, *, level: bool = False
-    ) -> FloatArray:
+    def _windows(self, place: _Place, *, level: bool = False) -> FloatArray:
         """Misfit (k, 2 REACH + 1) of each window at each lag, against the curve of all.
 
         A shift of a window's level is part of it with `level`.
         """
         rows = np.arange(len(self.reference))
-        index = np.rint(self.places(rows, slope, offsets, firsts)).astype(np.int64)
+        index = np.rint(self.places(rows, place)).astype(np.int64)
         inside = (index >= 0) & (index < len(self.fine))
         every = slice(None, None, 5)
         own, wanted = self.fine[index[inside]][every], self.reference[inside][every]
         curve = self.fine @ np.linalg.lstsq(own, wanted, rcond=None)[0]
-        wide = max(len(rows) // WINDOWS, 100)
         lags = np.arange(-REACH, REACH + 1)
         found = []
         for start in self._starts():
-            here = slice(start, start + wide, 4)
+            here = slice(start, start + self.wide, 4)
             at = np.clip(index[here][None] + lags[:, None], 0, len(curve) - 1)
             away = self.reference[here][None] - curve[at]
             found.append((away**2).mean(axis=1) if level else away.var(axis=1))
         return np.array(found)
 
-    def _residual(self, slope: float, offsets: FloatArray, firsts: IntArray) -> float:
-        misfit = self._windows(slope, offsets, firsts)
+    def _residual(self, at: _Place) -> float:
+        misfit = self._windows(at)
         sharp = np.quantile(misfit, 0.5, axis=1) - misfit.min(axis=1)
         best = np.argmin(misfit, axis=1).astype(np.float64)
         # Each window counts by how much its lag matters: a rest matches at any.
         return _middle(np.abs(best - _middle(best, sharp)), sharp)
 
-    def _broken(
-        self, slope: float, offsets: FloatArray, firsts: IntArray
-    ) -> tuple[float, FloatArray, IntArray] | None:
+    def _broken(self, at: _Place) -> _Place | None:
         """One more line, where rows were lost; None where that does not pay."""
-        misfit = self._windows(slope, offsets, firsts)
-        total = np.cumsum(misfit, axis=0)
+        total = np.cumsum(self._windows(at), axis=0)
         before = total[:-1].min(axis=1)
         after = (total[-1] - total[:-1]).min(axis=1)
         order = np.argsort(before + after)
-        whole = self.cost(slope, offsets, firsts)
         for cut in order[:3]:
             if not 3 <= cut < WINDOWS - 4:
                 continue
             first = round((cut + 1) * len(self.reference) / WINDOWS)
-            which = int(np.searchsorted(firsts, first, side="right")) - 1
+            which = int(np.searchsorted(at.firsts, first, side="right")) - 1
             lags = (int(np.argmin(total[cut])), int(np.argmin(total[-1] - total[cut])))
             if abs(lags[0] - lags[1]) < BREAK:
                 continue
-            more = np.insert(offsets, which + 1, offsets[which] + lags[1] - REACH)
-            more[which] += lags[0] - REACH
-            cuts = np.insert(firsts, which + 1, first)
-            new_slope, more = self._finer(slope, more, cuts)
+            offsets = np.insert(at.offsets, which + 1, at.offsets[which] + lags[1] - REACH)
+            offsets[which] += lags[0] - REACH
+            more = self._finer(_Place(at.slope, offsets, np.insert(at.firsts, which + 1, first)))
             for width in (80, 40, 20):  # rows by which the cut moves
                 tries = []
-                for cut_here in range(-4, 5):
-                    moved = cuts.copy()
-                    moved[which + 1] += cut_here * width
-                    tries.append((self.cost(new_slope, more, moved), cut_here, moved))
-                cuts = min(tries, key=lambda one: (one[0], abs(one[1])))[2]
-                new_slope, more = self._finer(new_slope, more, cuts)
-            if self.cost(new_slope, more, cuts) < whole + np.log(GAIN):
-                return new_slope, more, cuts
+                for steps in range(-4, 5):
+                    moved = more.firsts.copy()
+                    moved[which + 1] += steps * width
+                    one = more._replace(firsts=moved)
+                    tries.append((self.cost(one), abs(steps), one))
+                more = self._finer(min(tries, key=lambda one: one[:2])[2])
+            if self.cost(more) < self.cost(at) + np.log(GAIN):
+                return more
         return None
 
 

@@ -380,11 +380,11 @@ def _flatten_patch(
     check_surface(faces)
     how = {**how, "where": where}
     asked = np.isin(cutting.cuts, taxels).all(axis=1).any()
-    opened = None if asked else _uncut(vertices, faces, cutting, how)
-    if opened is None and cutting.periodic:
-        opened = _rolled_out(vertices, faces, where)
-    if opened is None:
-        opened = _opened(vertices, faces, taxels, cutting, how)
+    opened = (
+        (None if asked else _uncut(vertices, faces, cutting, how))
+        or (_rolled_out(vertices, faces, where) if cutting.periodic else None)
+        or _opened(vertices, faces, taxels, cutting, how)
+    )
     seconds = time.process_time() - started
     cut, flat = opened.cut, opened.flat
     distortion = measure_distortion(vertices[cut.origin], cut.faces, flat.uv)
@@ -439,9 +439,8 @@ def _uncut(
     uv = symmetric_dirichlet_descent(disc, at_best_size(disc, uv))
     found = measure_distortion(vertices, faces, uv)
     most = edge_rms(vertices[cut.origin], cut.faces, flat.uv) + UNCUT
-    if found.edge_rms > most or found.mean_energy > (cutting.max_distortion or np.inf):
-        return None
-    if disc.overlaps(uv):
+    bent = found.edge_rms > most or found.mean_energy > (cutting.max_distortion or np.inf)
+    if bent or disc.overlaps(uv):
         return None
     whole = CutMesh(faces, np.arange(len(vertices)), 0.0)
     divided = cutting.touches and Divided(len(cutting.touches), 0, 0, float("nan"))

@@ -143,9 +143,8 @@ def sheets(name: str, maps: Mapping[str, FlatMap]) -> list[Drawing]:
         title = f"{name}, {part}" if part != name else name
         if len(lost):
             title += f" (without a place: {first_few(lost.tolist())})"
-        pages += [
-            (title, [*_errors(flat), *shapes]) for shapes in _part_pages(cutouts, width, height)
-        ]
+        errors = list(_errors(flat))
+        pages += [(title, errors + shapes) for shapes in _part_pages(cutouts, width, height)]
     return [
         Drawing(*PAPER, [*_frame(title, number, len(pages)), *shapes])
         for number, (title, shapes) in enumerate(pages, 1)

@@ -85,11 +85,9 @@ def codewords_figure(
     for axis, head, values in zip(
         bottom.subplots(1, 3), heads, (widest[0], heart, word), strict=True
     ):
-        shown = values[own]
-        ends = {"cmap": "magma_r", "vmin": 0.0, "vmax": 1.0}
-        if values is word:
-            ends = {"cmap": "tab10", "vmin": -0.5, "vmax": 9.5}
-        dots = axis.scatter(*uv.T, s=16, edgecolors=GREY, linewidths=0.3, c=shown, **ends)
+        colours, low, high = ("tab10", -0.5, 9.5) if values is word else ("magma_r", 0.0, 1.0)
+        dots = axis.scatter(*uv.T, s=16, edgecolors=GREY, linewidths=0.3, c=values[own],
+                            cmap=colours, vmin=low, vmax=high)  # fmt: skip
         key = bottom.colorbar(dots, ax=axis, shrink=0.6)
         if values is word:
             key.set_ticks(range(book.words.shape[1]))

@@ -43,19 +43,8 @@ def channel_faults(survey: Survey) -> tuple[list[Finding], NDArray[np.bool_]]:
     """Findings, and the channels (n,) that no later question should be asked of."""
     bad = np.zeros(survey.width, bool)
     found: list[Finding] = []
-    for look in (
-        _ids,
-        _missing,
-        _constant,
-        _coarse,
-        _thermal,
-        _clipped,
-        _stuck,
-        _copied,
-        _noisy,
-        _sign,
-        _mute,
-    ):
+    looks = (_ids, _missing, _constant, _coarse, _thermal, _clipped, _stuck, _copied, _noisy)
+    for look in (*looks, _sign, _mute):
         found += look(survey, bad)
     return found, bad
 
@@ -232,8 +221,8 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         faint = same[0][3] == CUT or (same[0][3] == HELD and b - a < 3 * long * survey.cell)
         channels = np.array(sorted(one[2] for one in same))
         if faint:  # chance or a firm hold, but not on several channels to the row
-            sets = [channels[(channels >= a) & (channels <= b)] for a, b in spans_of(channels, 4)]
-            channels = np.array([c for own in sets if len(own) >= MODULE for c in own], np.int64)
+            near = np.searchsorted([a for a, _ in spans_of(channels, 4)], channels, side="right")
+            channels = channels[np.bincount(near)[near] >= MODULE]
             if len(channels) == 0:
                 continue
         bad[channels] = True
@@ -294,10 +283,9 @@ def _stops(
     changes = survey.changes[:, channel]
     usable = np.ones(len(changes), bool) if survey.loaded else survey.calm
     own = survey.mean[:, channel]
-    away = own - survey.rest[channel]
-    span = float(survey.high[:, channel].max() - survey.low[:, channel].min())
+    span = float(survey.span[channel])
     least = max(float(survey.floor[channel]), 6.0 * survey.quantum, 0.1 * span)
-    far = (away if survey.rising else -away) > least
+    far = (own - survey.rest[channel]) * survey.sign > least
     lasting = 0
     ends = survey.low.min(axis=0) if survey.rising else survey.high.max(axis=0)
     floor = np.median(ends)  # of a skin that is silent at rest
@@ -444,12 +432,8 @@ def _coarse(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         bad[coarse] = True  # their noise and their highest value are those of the steps
         found.append(finding("quantised", text, channels=coarse, confidence=0.95))
     lively = ~survey.constant
-    if (
-        whole
-        and usual >= 4
-        and (steps[lively] % usual == 0).all()
-        and (steps[lively] > 0).mean() > 0.8
-    ):
+    own = steps[lively]
+    if whole and usual >= 4 and (own % usual == 0).all() and (own > 0).mean() > 0.8:
         text = f"All channels take steps of {usual:g}: lighter touches than that are not seen."
         found.append(finding("quantised", text, confidence=0.9))
     return found
@@ -683,16 +667,13 @@ def _mute(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     if len(shares) < 3:
         return []
     missed = max(1.0 - float(np.percentile(shares, 5.0)), 0.1)
-    found: list[int] = []
-    sure: list[float] = []
+    found: dict[int, float] = {}
     for channel in silent.tolist():
         load, own = _asked(survey, channel, usable), survey.response[:, channel]
         chance = survey.width * missed ** len(spans_of(np.flatnonzero(load), join=2))
         # A weak channel, or one at the edge of each touch, still moves with those beside it.
         if chance < DOUBT and _apart(own[load], own[~load]) < 4.0:
-            found.append(channel)
-            sure.append(1.0 - chance)
-    bad[found] = True
-    return _in_modules(
-        survey, np.array(found, np.int64), None, "dead", float(np.mean(sure or [0.0]))
-    )
+            found[channel] = 1.0 - chance
+    mute, sure = np.array(list(found), np.int64), float(np.mean([*found.values()] or [0.0]))
+    bad[mute] = True
+    return _in_modules(survey, mute, None, "dead", sure)

@@ -96,8 +96,7 @@ def examine_track(track: Track) -> tuple[ExaminedFile, Survey]:
         times = time_faults(looked)
         found = [*times.findings, *clock_faults(looked, times.step)]
         own, bad = channel_faults(looked)
-        found += own
-        found += session_offsets(looked, bad) or rest_faults(looked, bad)
+        found += [*own, *(session_offsets(looked, bad) or rest_faults(looked, bad))]
         found += set_faults(looked, bad) + place_faults(looked, bad, episodes(looked))
     rate = 1.0 / times.step if times.step > 0 else None
     named = [
@@ -198,9 +197,11 @@ def mend(track: Track) -> tuple[Track, list[str]]:
         done.append(f"wrote the times, which were in {track.unit}, in seconds")
     # A line through repeated rows, or rows in another order, is none through those of the copy.
     clocks = clock_faults(survey(mended), times.step)
-    line = next((one for one in clocks if isinstance(one.slope, float)), None)
-    if line is not None and track.reference is not None:
-        laid = _laid(track.reference, line, np.arange(len(rows)))
+    offset, slope = (clocks[0].offset_rows, clocks[0].slope) if clocks else (None, None)
+    if track.reference is not None and isinstance(slope, float) and isinstance(offset, float):
+        at = (np.arange(len(rows)) - offset) / (1.0 + slope)
+        old = np.arange(len(track.reference))
+        laid = np.interp(at, old, track.reference, left=np.nan, right=np.nan)
         mended = replace(mended, reference=laid, reference_times=None)
         done.append("laid the reference on the rows of the skin")
     left = examine_track(mended)[0].findings
@@ -211,15 +212,6 @@ def mend(track: Track) -> tuple[Track, list[str]]:
     )
     done += [f"marked: {one['text']}" for one in marks]
     return replace(mended, marks=marks), done
-
-
-def _laid(reference: FloatArray, line: Finding, rows: Any) -> FloatArray:
-    """The reference at rows of the skin; NaN where it has none."""
-    assert isinstance(line.offset_rows, float)
-    assert isinstance(line.slope, float)
-    at = (rows - line.offset_rows) / (1.0 + line.slope)
-    found = np.interp(at, np.arange(len(reference)), reference)
-    return np.where((at < 0) | (at > len(reference) - 1), np.nan, found)
 
 
 def arrays_of(track: Track, done: list[str]) -> dict[str, Any]:

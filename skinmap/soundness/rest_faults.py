@@ -82,9 +82,11 @@ def _without_spikes(level: FloatArray) -> FloatArray:
     """Levels of pieces without what lasts for one piece only."""
     inner = np.median([level[:-2], level[1:-1], level[2:]], axis=0)
     first, last = np.median(level[:3], axis=0), np.median(level[-3:], axis=0)
-    ends = [np.where(np.abs(level[0] - inner[0]) > np.abs(first - inner[0]), level[0], first)]
-    ends.append(np.where(np.abs(level[-1] - inner[-1]) > np.abs(last - inner[-1]), level[-1], last))
-    return np.concatenate([ends[0][None], inner, ends[1][None]])
+    ends = [
+        np.where(np.abs(end - near) > np.abs(usual - near), end, usual)
+        for end, near, usual in ((level[0], inner[0], first), (level[-1], inner[-1], last))
+    ]
+    return np.concatenate([ends[:1], inner, ends[1:]])
 
 
 def _step(
@@ -95,11 +97,9 @@ def _step(
     middle = 0.5 * (begin + end)
     above = survey.mean[:, lively[which]] > middle[which]
     up = (end > begin)[which]
-    later = (above == up).astype(float)  # on the side of the end
-    votes = later.mean(axis=1)
+    votes = (above == up).mean(axis=1)  # on the side of the end
     total = np.concatenate([[0.0], np.cumsum(2.0 * votes - 1.0)])
-    cell = int(np.argmin(total))
-    cell = int(np.clip(cell, 1, len(votes) - 1))
+    cell = int(np.clip(np.argmin(total), 1, len(votes) - 1))
     row = survey.rows_of_cells(cell, cell)[0]
     channels = lively[which]
     whole = len(channels) > ALL * len(lively)
@@ -169,17 +169,16 @@ def session_offsets(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     if len(rests) < 2:
         return []
     level = np.array(rests)
-    step, between = np.array(
-        [(edges[b][0] - edges[a][-1], level[b] - level[a]) for a, b in pairwise(range(len(level)))]
-    ).transpose(1, 0, 2)
-    if np.abs(step).sum() < STEP * np.abs(between).sum():  # it drifts
+    edge = np.array(edges)
+    steps = np.abs(edge[1:, 0] - edge[:-1, -1]).sum()
+    if steps < STEP * np.abs(np.diff(level, axis=0)).sum():  # it drifts
         return []
     usual = np.median(level, axis=0)
     span = np.median(survey.span[lively])
-    limit = np.maximum(0.03 * span, 6.0 * survey.noise[lively] / np.sqrt(survey.cell))
     # As a skin that is seldom at rest moves within a session, so it does between two.
-    inside = np.median(np.ptp(edges, axis=1), axis=0)
-    limit = np.maximum(np.maximum(limit, 1.2 * survey.quantum), np.percentile(inside, HELD))
+    inside = np.percentile(np.median(np.ptp(edge, axis=1), axis=0), HELD)
+    noise = 6.0 * survey.noise[lively] / np.sqrt(survey.cell)
+    limit = np.maximum(noise, max(0.03 * span, 1.2 * survey.quantum, inside))
     off = np.abs(level - usual) > limit
     which = np.flatnonzero(off.mean(axis=1) > 0.1)
     if len(which) == 0:

@@ -138,7 +138,6 @@ class Survey:
         reach = reach + steady * np.clip((high + low - 2.0 * middle) / size, -0.8, 0.8)
         begin = 0.0
         if self.uniform:
-            some = self.mean[:, lively]
             low, middle, high = np.percentile(some, (1.0, 50.0, 99.0), axis=0)
             size = np.maximum(high - low, 1e-12)
             reach = np.clip((high + low - 2.0 * middle) / size, -0.8, 0.8)
@@ -209,8 +208,7 @@ class Survey:
         """(n,) What a channel must deviate by to count as touched."""
         usual = float(np.median(self.span[~self.constant])) if (~self.constant).any() else 0.0
         own = np.maximum(self.noise, self.usual_noise)
-        return np.asarray(np.maximum.reduce([TOUCHED * own, np.full(self.width, 0.04 * usual),
-                                             np.full(self.width, 1.5 * self.quantum)]))  # fmt: skip
+        return np.maximum(TOUCHED * own, max(0.04 * usual, 1.5 * self.quantum))
 
     @property
     def short(self) -> bool:
@@ -250,9 +248,7 @@ class Survey:
         if lively.sum() < 4 or np.median(np.abs(self.follows[lively])) < 0.8:
             return False
         course = np.median(self.mean[:, lively] - self.mean[0, lively], axis=1)
-        pieces = np.array(
-            [np.median(one) for one in np.array_split(course, min(PIECES, len(course)))]
-        )
+        pieces = [np.median(one) for one in np.array_split(course, min(PIECES, len(course)))]
         # A drift or a step goes one way; a load may, where a reference was pressed along.
         one_way = np.abs(np.diff(pieces)).sum() <= 1.5 * np.ptp(pieces)
         return bool(not one_way or self.track.reference is not None)
@@ -289,9 +285,9 @@ class Survey:
     @cached_property
     def calm(self) -> NDArray[np.bool_]:
         """(k,) Cells in which (almost) nothing is touched."""
-        load = self.touched[:, ~self.constant].mean(axis=1) if not self.constant.all() else None
-        if load is None:
+        if self.constant.all():
             return np.ones(len(self.mean), bool)
+        load = self.touched[:, ~self.constant].mean(axis=1)
         return np.asarray(load <= max(0.03, float(np.percentile(load, 15.0))))
 
 

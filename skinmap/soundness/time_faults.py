@@ -68,12 +68,9 @@ def time_faults(survey: Survey) -> TimeFaults:
         return TimeFaults(found + _repeated_finding(repeated), repeated, [np.arange(count)])
     found = []
     if track.unit:
-        text = (
-            f"The times are in {track.unit}: read as seconds, the rate is wrong by 1,000 or more."
-        )
-        if track.unit == UNSURE:
-            text = f"The times are in {UNSURE}: the rate may be wrong by 1,000."
-        do = "write the times in seconds"
+        wrong = "read as seconds, the rate is wrong by 1,000 or more"
+        wrong = "the rate may be wrong by 1,000" if track.unit == UNSURE else wrong
+        text, do = f"The times are in {track.unit}: {wrong}.", "write the times in seconds"
         found.append(finding("stamps", text, confidence=0.9, harm=0.3, do=do))
     repeated = _repeats(survey, times)
     found += _repeated_finding(repeated)
@@ -167,15 +164,10 @@ def _repeats(survey: Survey, times: FloatArray | None) -> NDArray[np.bool_]:
     moves = survey.changed[1:]
     moving = moves[moves > 0]
     usual = float(np.median(moving)) if len(moving) else 0.0
-    rare = equal.sum() < 3 and usual < 20
-    between = float(((moves > 0) & (moves < usual / 3)).sum())
+    often = usual >= (20 if equal.sum() < 3 else FEW_CHANGES)
+    between = np.count_nonzero(moving < usual / 3)
     rows = np.flatnonzero(equal)
-    if (
-        not rare
-        and usual >= FEW_CHANGES
-        and between <= 0.02 * len(moving) + 1
-        and not _recurs(survey, rows)
-    ):
+    if often and between <= 0.02 * len(moving) + 1 and not _recurs(survey, rows):
         return repeated | equal
     return repeated | _held(survey, rows) | _copies_under_load(survey, rows)
 
@@ -326,10 +318,9 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
     for own in pieces:
         if len(own) < 3:
             continue
+        inside = np.zeros(len(own), bool)
         if _adds_up(times[own], step):  # a sensor without a rate: only a long pause is a gap
-            still = np.zeros(len(own), bool)
-            far = [one for one in _gaps(times[own], still, step) if one[2] >= PAUSE]
-            gaps += [(int(own[a]), int(own[b]), n) for a, b, n in far]
+            gaps += [one for one in _gaps(times, own, inside, step) if one[2] >= PAUSE]
             continue
         steps = np.diff(times[own])
         together = np.flatnonzero(steps < CLOSE * step) + 1
@@ -337,13 +328,11 @@ def _spacing(times: FloatArray, pieces: list[IntArray], step: float) -> list[Fin
             [a - 1, b] for a, b in spans_of(together)
             if b - a + 2 >= BURST and (a < 2 or steps[a - 2] > 1.2 * step or b - a > 4)
         ]  # fmt: skip
-        inside = np.zeros(len(own), bool)
         for a, b in runs:
             inside[a : b + 1] = True
         bursts += [[int(own[a]), int(own[b])] for a, b in runs]
-        gaps += [(int(own[a]), int(own[b]), n) for a, b, n in _gaps(times[own], inside, step)]
-        off = _scatter(times[own], inside, step)
-        scatter.append(off)
+        gaps += _gaps(times, own, inside, step)
+        scatter.append(_scatter(times[own], inside, step))
         scattered.append(own)
     found = []
     stamps = _stamps(np.concatenate(scatter), np.concatenate(scattered), step) if scatter else []
@@ -386,22 +375,22 @@ def _slower(
     return found
 
 
-def _gaps(times: FloatArray, inside: NDArray[np.bool_], step: float) -> list[tuple[int, int, int]]:
+def _gaps(
+    times: FloatArray, own: IntArray, inside: NDArray[np.bool_], step: float
+) -> list[tuple[int, int, int]]:
     """Gaps (row before, row after, rows missing) that no shorter step makes up for."""
     calm = np.flatnonzero(~inside)
     if len(calm) < 3:
         return []
-    late = times[calm] - step * calm
-    steps = np.diff(times[calm]) - step * np.diff(calm)
+    late = times[own[calm]] - step * calm
+    steps = np.diff(times[own[calm]]) - step * np.diff(calm)
     spread = 1.4826 * float(np.median(np.abs(steps - np.median(steps))))
     found = []
     for at in np.flatnonzero(steps > (GAP - 1.0) * step).tolist():
-        before = late[max(at - 4, 0) : at + 1]
-        after = late[at + 1 : at + 6]
-        jump = float(np.median(after) - np.median(before))
-        least = max(JUMP * step, 2.5 * spread)
-        if jump > least:
-            found.append((int(calm[at]), int(calm[at + 1]), max(round(jump / step), 1)))
+        jump = float(np.median(late[at + 1 : at + 6]) - np.median(late[max(at - 4, 0) : at + 1]))
+        if jump > max(JUMP * step, 2.5 * spread):
+            before, after = own[calm[at : at + 2]].tolist()
+            found.append((before, after, max(round(jump / step), 1)))
     return found
 
 
@@ -443,17 +432,16 @@ def _stamps(off: FloatArray, rows: IntArray, step: float) -> list[Finding]:
     if wild.mean() < 0.1 or wild.sum() < 2:
         return []
     share = float(np.median(spread[wild]))
-    spans = None
-    if wild.mean() < 0.8:
-        spans = [
-            [int(rows[a * cell]), int(rows[min((b + 1) * cell, len(rows)) - 1])]
-            for a, b in spans_of(np.flatnonzero(wild))
-        ]
+    spans = [
+        [rows[a * cell], rows[min((b + 1) * cell, len(rows)) - 1]]
+        for a, b in spans_of(np.flatnonzero(wild))
+    ]
     text = (
         f"The times scatter by {share:.0%} of a step of {step * 1e3:.3g} ms: they are when a "
         "program wrote the rows, not when the sensor measured them."
     )
-    return [finding("stamps", text, rows=spans, confidence=0.9)]
+    some = spans if wild.mean() < 0.8 else None
+    return [finding("stamps", text, rows=some, confidence=0.9)]
 
 
 def clock_faults(survey: Survey, step: float) -> list[Finding]:
@@ -461,18 +449,15 @@ def clock_faults(survey: Survey, step: float) -> list[Finding]:
     reference = survey.track.reference
     if reference is None:
         return []
-    rate = 1.0 / step if step > 0 else 50.0
     known = np.flatnonzero(np.isfinite(reference))
     if len(known) < 2:
         return []
     begin = int(known[0])
     reference = np.interp(np.arange(begin, known[-1] + 1), known, reference[known])
-    at, own = _own_rows(survey, reference, step)
-    values = survey.track.values
-    if values.dtype.kind == "f":
-        values = np.nan_to_num(values)
+    factor, own = _own_rows(survey, reference, step)
+    values, rate = np.nan_to_num(survey.track.values), 1.0 / step if step > 0 else 50.0
     try:
-        lines = align(values, own, rate=rate, expected=begin * at[1])
+        lines = align(values, own, rate=rate, expected=begin * factor)
     except InvalidArrayError:
         return []
     first = lines[0]
@@ -480,9 +465,8 @@ def clock_faults(survey: Survey, step: float) -> list[Finding]:
         text = "The reference fits no part of the skin: it may belong to another recording."
         return [finding("clocks", text, confidence=0.5, harm=0.2)]
     # From rows at the skin's rate back to rows of the reference as it was recorded.
-    offset = first.offset_rows + (1.0 + first.slope) * at[0]
-    slope = (1.0 + first.slope) * at[1] - 1.0
-    offset -= begin * (1.0 + slope)
+    slope = (1.0 + first.slope) * factor - 1.0
+    offset = first.offset_rows - begin * (1.0 + slope)
     ends = offset + slope * begin, offset + slope * (begin + len(reference) - 1)
     away = max(AWAY, 2.0 * first.residual_rows)
     lags = abs(ends[1] - ends[0]) < away and min(ends) > 0.0 and max(ends) < SLOW * rate
@@ -504,20 +488,14 @@ def clock_faults(survey: Survey, step: float) -> list[Finding]:
     ]  # fmt: skip
 
 
-def _own_rows(
-    survey: Survey, reference: np.ndarray, step: float
-) -> tuple[tuple[float, float], np.ndarray]:
-    """The reference at the skin's rate, and the line (offset, factor) from its rows to those.
+def _own_rows(survey: Survey, reference: FloatArray, step: float) -> tuple[float, FloatArray]:
+    """The rows of the skin in one of the reference, and the reference at the skin's rate.
 
     Without times of its own it has the skin's nominal rate.
     """
     stamps = survey.track.reference_times
-    if stamps is None or step <= 0 or len(stamps) < 2:
-        return (0.0, 1.0), reference
-    own = float(np.median(np.diff(stamps)))
-    if own <= 0 or abs(own / step - 1.0) < 0.03:
-        return (0.0, 1.0), reference
-    count = int(len(reference) * own / step)
-    return (0.0, own / step), np.interp(
-        np.arange(count) * step / own, np.arange(len(reference)), reference
-    )
+    own = 0.0 if stamps is None or len(stamps) < 2 else float(np.median(np.diff(stamps)))
+    if step <= 0 or own <= 0 or abs(own / step - 1.0) < 0.03:
+        return 1.0, reference
+    rows = np.arange(int(len(reference) * own / step)) * step / own
+    return own / step, np.interp(rows, np.arange(len(reference)), reference)

@@ -146,7 +146,8 @@ def read_track(path: Path) -> Track:
     if path.is_dir() or suffix in STREAMS:
         track = _from_stream(path)
     elif suffix in ARRAYS:
-        track = _from_arrays(path, _npz(path) if suffix == ".npz" else _mat(path))
+        check_file(path, "an NPZ or MAT file of channels over time", MAX_BYTES)
+        track = _from_arrays(path, read_arrays(path) if suffix == ".npz" else _mat(path))
     elif suffix in TABLES:
         track = _from_table(path)
     else:
@@ -181,15 +182,9 @@ def check_track(track: Track) -> Track:
     return track
 
 
-def _npz(path: Path) -> dict[str, NDArray[Any]]:
-    check_file(path, "an NPZ of channels over time", MAX_BYTES)
-    return read_arrays(path)
-
-
 def _mat(path: Path) -> dict[str, NDArray[Any]]:
     from scipy.io import loadmat
 
-    check_file(path, "a MAT file of channels over time", MAX_BYTES)
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -254,6 +249,8 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
     reference_times = held.get("reference_times")
     if reference is not None and reference_times is not None:
         reference_times, _ = _times(reference_times, reference[:, None], path, "reference_times")
+    places = held.get("positions")
+    known = places is not None and places.shape == (width, 3) and places.dtype.kind in "uif"
     return Track(
         str(path),
         values,
@@ -267,7 +264,7 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
         stretches,
         None if reference is None else np.asarray(reference, np.float64),
         reference_times if reference is not None else None,
-        _positions(held.get("positions"), width),
+        np.asarray(places, np.float64) if known else None,
         _marks(held.get("marks"), path),
         part=_word("part", held),
         robot=_word("robot", held),
@@ -313,12 +310,6 @@ def _marks(found: NDArray[Any] | None, path: Path) -> tuple[dict[str, Any], ...]
         raise DataFormatError("its marks are damaged", path) from None
 
 
-def _positions(found: NDArray[Any] | None, width: int) -> FloatArray | None:
-    if found is None or found.shape != (width, 3) or found.dtype.kind not in "uif":
-        return None
-    return np.asarray(found, np.float64)
-
-
 def _first(held: Mapping[str, NDArray[Any]], names: tuple[str, ...]) -> NDArray[Any] | None:
     return next((held[one] for one in names if one in held), None)
 
@@ -338,8 +329,7 @@ def _runs(labels: tuple[str, ...]) -> tuple[IntArray, tuple[str, ...]]:
     """Events of stretches of rows with the same label; an empty one is no touch."""
     keys = np.array(labels)
     touched = ~np.isin(keys, ("", "none", "nan", "-1", "rest"))
-    begins = touched.copy()
-    begins[1:] &= (keys[1:] != keys[:-1]) | ~touched[:-1]
+    begins = touched & np.append(True, keys[1:] != keys[:-1])
     events = np.where(touched, np.cumsum(begins) - 1, -1)
     return events, tuple(str(one) for one in keys[begins])
 
@@ -644,8 +634,8 @@ def _from_stream(path: Path) -> Track:
     return Track(
         str(path), values, np.asarray(found.times), events=events,
         labels=tuple(one.label for one in found.touches),
-        sessions=tuple(one.session for one in found.touches) if found.touches else (),
-        people=tuple(one.person for one in found.touches) if found.touches else (),
+        sessions=tuple(one.session for one in found.touches),
+        people=tuple(one.person for one in found.touches),
         places=whole if known else None,
         part=", ".join(found.info.parts) if robot else "",
         robot=robot,

@@ -525,11 +525,10 @@ def control_of(
     return Control(share, "yes" if _no_chance(together, chance) else "perhaps")
 
 
-def _no_chance(right: BoolArray, chance: float, *, below: bool = False) -> bool:
+def _no_chance(right: BoolArray, chance: float) -> bool:
     from scipy.stats import binomtest
 
-    side: Literal["less", "greater"] = "less" if below else "greater"
-    test = binomtest(int(right.sum()), len(right), chance, alternative=side)
+    test = binomtest(int(right.sum()), len(right), chance, alternative="greater")
     return bool(test.pvalue < SURE)
 
 
@@ -553,11 +552,8 @@ def at_chance(named: Names, labels: Names) -> tuple[Meaning, str] | None:
     right = named == labels
     share = float(right.mean())
     chance = sum(float((labels == one).mean() * (named == one).mean()) for one in np.unique(labels))
-    if share < chance / 2 and _no_chance(right, chance, below=True):
-        return (
-            "no",
-            "is far below chance: labels are exchanged, or confounded with the groups",
-        )
+    if share < chance / 2 and _no_chance(~right, 1.0 - chance):
+        return "no", "is far below chance: labels are exchanged, or confounded with the groups"
     if _no_chance(right, chance):
         return None
     if share >= (1.0 + chance) / 2:
@@ -595,25 +591,23 @@ def meaning_of(
     for name in ("control", "first"):
         if controls[name].leak == "yes":
             return "no", f"{figure} means nothing: {said[name]}, {chance}"
+    doubt = ""
     if controls["raw"].leak == "yes":
-        more = "" if way == "session" else "; leave sessions out"
-        return "doubtful", f"{figure} is doubtful: {said['raw']}, {chance}{more}"
-    for name in who:
-        if controls[name].leak == "perhaps":
-            return "doubtful", (
-                f"{figure} is doubtful: {said[name]}, {chance}; of so few sessions that may be "
-                "chance: record more"
-            )
-    if way in ("session", "person") and _nested(judged.groups[way], right, labels):
-        return "doubtful", (
-            f"{figure} is doubtful: each {way} recorded one label only, so {way} and touch cannot "
+        doubt = f"{said['raw']}, {chance}" + "; leave sessions out" * (way != "session")
+    elif unsure := [name for name in who if controls[name].leak == "perhaps"]:
+        doubt = f"{said[unsure[0]]}, {chance}; of so few sessions that may be chance: record more"
+    elif way in ("session", "person") and _nested(judged.groups[way], right, labels):
+        doubt = (
+            f"each {way} recorded one label only, so {way} and touch cannot "
             f"be separated; record several labels in each {way}"
         )
-    if way != "session" and (alone := _of_one_group(judged.groups["session"], judged.labels)):
-        return "doubtful", (
-            f"{figure} is doubtful: {', '.join(alone)} recorded in one session only, so session "
+    elif way != "session" and (alone := _of_one_group(judged.groups["session"], labels)):
+        doubt = (
+            f"{', '.join(alone)} recorded in one session only, so session "
             "and touch cannot be separated; record each label in two sessions or more"
         )
+    if doubt:
+        return "doubtful", f"{figure} is doubtful: {doubt}"
     if not any(len(samples) for samples in judged.before):
         return "doubtful", f"{figure} has no control: nothing was recorded before the touches"
     raw, control = controls["raw"].share, controls["control"].share
