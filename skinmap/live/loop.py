@@ -512,9 +512,7 @@ class TouchLoop(Summary):
         times, every, samples = self._block
         now = float(times[-1])
         slices = self._skin.slices.items()
-        touches = self._book.show(self._tracker.tracks)
-        if self._loads:
-            touches = self._weighed(touches)
+        touches = self._weighed(self._book.show(self._tracker.tracks))
         latency = float("nan") if stale else time.perf_counter() - self.feed.arrived
         return Moment(
             now,
