@@ -506,6 +506,21 @@ def test_a_noisy_channel_is_named_whether_the_skin_is_touched_or_not(touched):
     assert [(one.kind, one.channels) for one in own] == [("noisy", [70])]
 
 
+def test_of_hands_that_hardly_let_go_of_a_small_skin_only_a_noisy_channel_is_named():
+    rng = np.random.default_rng(0)
+    values, at = rng.normal(1000, 4.0, (6000, 24)), 60
+    size = np.where(np.arange(24) % 3, 400.0, 30.0)
+    while at < 5800:
+        rows = np.hanning(rng.integers(100, 300))[: 6000 - at, None] ** 0.5
+        values[at : at + len(rows)] += rows * rng.uniform(0.3, 1.0, 24) * size
+        at += len(rows) + int(rng.integers(12, 30))
+    times = np.arange(6000) / 50
+    assert not examine_track(Track("hands", values.round(), times))[0].findings
+    values[:, 7] += rng.normal(0, 40.0, 6000)
+    own = examine_track(Track("hands", values.round(), times))[0].findings
+    assert [(one.kind, one.channels) for one in own] == [("noisy", [7])]
+
+
 def test_channels_that_answer_elsewhere_and_without_a_place_are_named():
     """Sixteen channels of a sheet carry the values of sixteen others, as two swapped plugs do."""
     rng = np.random.default_rng(0)
