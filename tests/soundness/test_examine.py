@@ -777,6 +777,20 @@ def test_taps_of_one_channel_and_two_rows_are_no_spikes_and_many_spikes_are(pres
     assert len(survey(Track("a", felt, np.arange(len(felt)) / 50)).spikes) == 200
 
 
+@pytest.mark.parametrize("spikes", [0, 1, 8, 40])
+def test_noise_around_the_half_of_slow_loads_hides_no_spikes(spikes):
+    rng = np.random.default_rng(0)
+    values = rng.normal(0.0, 250.0, (6000, 40))
+    for row in range(50, 5600, 400):
+        spread = np.exp(-((np.arange(40) - rng.uniform(0, 40)) ** 2) / 4)
+        load = rng.uniform(4500, 15000) * np.hanning(380)[:, None] ** 0.5
+        values[row : row + 380] += load * spread
+    values[rng.choice(5000, spikes, replace=False) + 100, 20] = 56000
+    found = survey(Track("a", values, np.arange(6000) / 100)).spikes
+    assert len(found) == spikes
+    assert np.all(found[:, 1] == 20)
+
+
 def pressed(touches: int = 80, width: int = 10, seed: int = 5) -> tuple[np.ndarray, np.ndarray]:
     """Values (t, n) above rest, without noise, of pokes on a square of taxels; begins (k,)."""
     rng = np.random.default_rng(seed)
