@@ -214,6 +214,8 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     # What is cut off stands still at the top under each strong load.
     highest = survey.mean == (top.max() if survey.rising else top.min())
     quiet &= ((survey.mean != top) | ~_cut(survey)) & ~(highest & (highest.mean(axis=0) <= 0.2))
+    for one in _clipped(survey, bad):
+        quiet[:, one.channels] &= survey.mean[:, one.channels] != one.value
     usual, long = _holds(survey, quiet)
     for channel in np.flatnonzero(~survey.constant & ~bad & quiet.any(axis=0)).tolist():
         for first, last, sure in _stops(survey, channel, quiet[:, channel], usual):
@@ -491,7 +493,9 @@ def _clipped(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         noise = survey.floor[lively]
         stands = [(noise > k * survey.quantum) & (plateau > v) for k, v in STANDS.items()]
         own = piled & (often >= np.where(np.any(stands, axis=0), 2, 3)) & (cells >= 6)
-        groups = [(highest, shared)] if shared.sum() >= 2 or (shared & (often >= 2)).any() else []
+        groups = []
+        if shared.sum() >= 2 or (shared & (often >= 2)).any():  # one limit: of all that reach it
+            groups = [(highest, top == highest)]
         groups += [
             (v, own & (top == v) & (top != highest)) for v in np.unique(top[own]) if v != highest
         ]

@@ -791,6 +791,21 @@ def test_noise_around_the_half_of_slow_loads_hides_no_spikes(spikes):
     assert np.all(found[:, 1] == 20)
 
 
+def test_one_limit_of_a_mat_is_named_with_all_channels_that_reach_it():
+    rng = np.random.default_rng(0)
+    at = np.indices((8, 8)).reshape(2, -1).T
+    values = rng.normal(200.0, 3.0, (9000, 64))
+    for begin in range(400, 8000, 1900):
+        away = ((at - rng.uniform(3.0, 4.0, 2)) ** 2).sum(axis=1)
+        sway = 1.0 + rng.normal(size=1700).cumsum() / 4000
+        rows = np.minimum(20 * np.hanning(1700), 1.0) * sway
+        values[begin : begin + 1700] += 2000.0 * rows[:, None] * np.exp(-away / 8)
+    cut = np.minimum(values.round(), 1100.0)
+    own = examine_track(Track("mat", cut, np.arange(9000) / 50))[0].findings
+    reached = np.flatnonzero((cut == 1100.0).any(axis=0)).tolist()
+    assert [(one.kind, one.value, one.channels) for one in own] == [("clipped", 1100.0, reached)]
+
+
 def pressed(touches: int = 80, width: int = 10, seed: int = 5) -> tuple[np.ndarray, np.ndarray]:
     """Values (t, n) above rest, without noise, of pokes on a square of taxels; begins (k,)."""
     rng = np.random.default_rng(seed)
