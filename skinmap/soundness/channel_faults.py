@@ -203,6 +203,8 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     # What is cut off stands still at the top under each strong load.
     highest = survey.mean == (top.max() if survey.rising else top.min())
     quiet &= ((survey.mean != top) | ~_cut(survey)) & ~(highest & (highest.mean(axis=0) <= 0.2))
+    for one in _clipped(survey, bad):
+        quiet[:, one.channels] &= survey.mean[:, one.channels] != one.value
     usual, long = _holds(survey, quiet)
     for channel in np.flatnonzero(~survey.constant & ~bad & quiet.any(axis=0)).tolist():
         for first, last, sure in _stops(survey, channel, quiet[:, channel], usual):
@@ -475,7 +477,9 @@ def _clipped(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         noise = survey.floor[lively]
         stands = [(noise > k * survey.quantum) & (plateau > v) for k, v in STANDS.items()]
         own = piled & (often >= np.where(np.any(stands, axis=0), 2, 3)) & (cells >= 6)
-        groups = [(highest, shared)] if shared.sum() >= 2 or (shared & (often >= 2)).any() else []
+        groups = []
+        if shared.sum() >= 2 or (shared & (often >= 2)).any():  # one limit: of all that reach it
+            groups = [(highest, top == highest)]
         groups += [
             (v, own & (top == v) & (top != highest)) for v in np.unique(top[own]) if v != highest
         ]
@@ -563,13 +567,20 @@ def _noisy(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     calm = np.flatnonzero(survey.calm)
     several = 1 if survey.loaded else int(np.clip(len(calm) // 6, 1, 12))
     pieces = np.array_split(calm, several)
-    # One touched channel among many leaves a cell calm: its own touch is not noise.
-    rough = np.where(np.abs(survey.response) > survey.floor, 0.0, survey.rough)
-    level = np.array([np.percentile(rough[own], 60.0, axis=0) for own in pieces])
-    level *= SIGMA_OF_SECOND
-    usual = max(float(np.median(level[:, lively])), 0.12 * survey.quantum)
-    span = np.median(survey.span[lively])
-    usual = max(usual, 0.002 * float(span))
+    # One touched channel among many leaves a cell calm: its own touch is not noise. Where hands
+    # hardly rest these cells lie below the rest of all, which is then that of a light load.
+    away = survey.response - np.minimum(np.median(survey.response[calm], axis=0), 0.0)
+    rough = np.where(np.abs(away) > survey.floor, np.inf, survey.rough * SIGMA_OF_SECOND)
+    level, known = np.zeros((2, several, survey.width))
+    for own, at, judged in zip(pieces, level, known, strict=True):
+        count = np.isfinite(rough[own]).sum(axis=0)
+        some = np.minimum(0.6 * count, len(own) - 1).astype(int)[None]
+        judged[:] = lively & (2 * count > len(own))
+        at[:] = np.take_along_axis(np.sort(rough[own], axis=0), some, axis=0)[0]
+    known = (known > 0) & (known.mean(axis=0) > 0.5)
+    usual = float(np.median(level[known])) if known.any() else 0.0
+    level = np.where(known, level, usual)
+    usual = max(usual, 0.12 * survey.quantum, 0.002 * float(np.median(survey.span[lively])))
     logs = np.log(np.maximum(np.median(level, axis=0)[lively], 0.2 * usual))
     spread = 1.4826 * float(np.median(np.abs(logs - np.median(logs))))
     limit = usual * max(NOISY, float(np.exp(min(4.0 * spread, 2.5))))

@@ -23,6 +23,7 @@ BOTH, AXES = 0.3, 0.3  # of the larger swing, and of the channels that swing so:
 AT_REST = 0.35  # share of its cells near its median
 SPIKE = 3.0  # times as far as all else: a single value there is no load
 ALONE = 0.8  # of its reach by which a spike differs from the rows beside it
+FEW = 0.05  # of the channels: such single rows of theirs alone cast no doubt on themselves
 FARTHER, RARER = 20.0, 10  # the same, and loads that last, where such rows may be loads themselves
 GRADED = 0.15  # of it: what moves others by more, and by less than itself, is a tap
 NOISES, STEPS = 50.0, 20.0  # that a recording reaches at least: single rows may be its only loads
@@ -353,7 +354,10 @@ def _spikes(survey: Survey) -> IntArray:
         kept[at] = np.count_nonzero((near > GRADED) & (near < ALONE)) < 2
     if kept.any():
         short, long, far = _loads(survey, 0.5 * usual)
-        doubtful = np.full(len(row), 2 * short > long)
+        own = int(kept.sum())
+        if own > long or len(np.unique(channels[kept])) > FEW * survey.width:
+            own = 0  # not for certain the fault of a few channels among loads that last
+        doubtful = np.full(len(row), 2 * (short - own) > long)
         if survey.track.events is not None and survey.track.labels:
             doubtful |= survey.track.events[row] >= 0
         kept &= ~doubtful | ((size > FARTHER * far) & (short < RARER * long))
@@ -372,17 +376,23 @@ def _usual_reach(survey: Survey, middle: NDArray[np.float32]) -> float:
 
 
 def _loads(survey: Survey, least: float) -> tuple[int, int, float]:
-    """Loads of channels beyond a level: those of one or two rows, those that last, their reach."""
-    rest, every, long, reach = survey.mean - survey.fast, 0, 0, least
+    """Loads of channels beyond a level: those of one or two rows, those that last, their reach.
+
+    Noise around the level ends no load: beside a short one values lie below half of it.
+    """
+    rest, short, long, reach = survey.mean - survey.fast, 0, 0, least
     for start in range(0, survey.count, 4096):
         own = survey.track.values[start : start + 4096]
         away = np.abs(own - rest[survey.cell_of(start + np.arange(len(own)))])
-        begins = (away > least) & ~np.pad(away > least, ((1, 0), (0, 0)))[:-1]
-        lasting = np.minimum(np.minimum(away[:-2], away[1:-1]), away[2:])
-        every += int(begins.sum())
-        long += int((begins[:-2] & (lasting > least)).sum())
+        away = np.pad(away, ((1, 2), (0, 0)))
+        before, at, behind, after = (away[k : k + len(own)] for k in range(4))
+        lasting = np.minimum(np.minimum(at, behind), after)
+        single = np.maximum(before, behind) < np.minimum(least, 0.5 * at)
+        double = np.maximum(before, after) < np.minimum(least, 0.5 * np.maximum(at, behind))
+        short += int(((at > least) & (single | (double & (behind > least)))).sum())
+        long += int(((before <= least) & (lasting > least)).sum())
         reach = max(reach, float(lasting.max(initial=least)))
-    return every - long, long, reach
+    return short, long, reach
 
 
 def _looked(track: Track, gone: NDArray[np.bool_] | None, spikes: IntArray) -> Survey:

@@ -590,6 +590,21 @@ def test_a_noisy_channel_is_named_whether_the_skin_is_touched_or_not(touched):
     assert [(one.kind, one.channels) for one in own] == [("noisy", [70])]
 
 
+def test_of_hands_that_hardly_let_go_of_a_small_skin_only_a_noisy_channel_is_named():
+    rng = np.random.default_rng(0)
+    values, at = rng.normal(1000, 4.0, (6000, 24)), 60
+    size = np.where(np.arange(24) % 3, 400.0, 30.0)
+    while at < 5800:
+        rows = np.hanning(rng.integers(100, 300))[: 6000 - at, None] ** 0.5
+        values[at : at + len(rows)] += rows * rng.uniform(0.3, 1.0, 24) * size
+        at += len(rows) + int(rng.integers(12, 30))
+    times = np.arange(6000) / 50
+    assert not examine_track(Track("hands", values.round(), times))[0].findings
+    values[:, 7] += rng.normal(0, 40.0, 6000)
+    own = examine_track(Track("hands", values.round(), times))[0].findings
+    assert [(one.kind, one.channels) for one in own] == [("noisy", [7])]
+
+
 def test_channels_that_answer_elsewhere_and_without_a_place_are_named():
     """Sixteen channels of a sheet carry the values of sixteen others, as two swapped plugs do."""
     rng = np.random.default_rng(0)
@@ -857,6 +872,35 @@ def test_taps_of_one_channel_and_two_rows_are_no_spikes_and_many_spikes_are(pres
     felt += rng.normal(0.0, 0.01, felt.shape)
     felt[rng.permutation(len(felt))[:200], rng.integers(0, 25, 200)] = 100 * felt.max()
     assert len(survey(Track("a", felt, np.arange(len(felt)) / 50)).spikes) == 200
+
+
+@pytest.mark.parametrize("spikes", [0, 1, 8, 40])
+def test_noise_around_the_half_of_slow_loads_hides_no_spikes(spikes):
+    rng = np.random.default_rng(0)
+    values = rng.normal(0.0, 250.0, (6000, 40))
+    for row in range(50, 5600, 400):
+        spread = np.exp(-((np.arange(40) - rng.uniform(0, 40)) ** 2) / 4)
+        load = rng.uniform(4500, 15000) * np.hanning(380)[:, None] ** 0.5
+        values[row : row + 380] += load * spread
+    values[rng.choice(5000, spikes, replace=False) + 100, 20] = 56000
+    found = survey(Track("a", values, np.arange(6000) / 100)).spikes
+    assert len(found) == spikes
+    assert np.all(found[:, 1] == 20)
+
+
+def test_one_limit_of_a_mat_is_named_with_all_channels_that_reach_it():
+    rng = np.random.default_rng(0)
+    at = np.indices((8, 8)).reshape(2, -1).T
+    values = rng.normal(200.0, 3.0, (9000, 64))
+    for begin in range(400, 8000, 1900):
+        away = ((at - rng.uniform(3.0, 4.0, 2)) ** 2).sum(axis=1)
+        sway = 1.0 + rng.normal(size=1700).cumsum() / 4000
+        rows = np.minimum(20 * np.hanning(1700), 1.0) * sway
+        values[begin : begin + 1700] += 2000.0 * rows[:, None] * np.exp(-away / 8)
+    cut = np.minimum(values.round(), 1100.0)
+    own = examine_track(Track("mat", cut, np.arange(9000) / 50))[0].findings
+    reached = np.flatnonzero((cut == 1100.0).any(axis=0)).tolist()
+    assert [(one.kind, one.value, one.channels) for one in own] == [("clipped", 1100.0, reached)]
 
 
 def pressed(touches: int = 80, width: int = 10, seed: int = 5) -> tuple[np.ndarray, np.ndarray]:
