@@ -438,7 +438,7 @@ def rate_by_times(times: FloatArray, told: float) -> float:
     low, usual, high = np.quantile(steps, (0.25, 0.5, 0.75)).tolist()
     mean = float(steps[steps <= max(1.0, 3.0 * usual)].mean())
     even = min(low, mean) > 0.75 * usual and max(high, mean) < 1.25 * usual
-    off = not 0.9 < usual * told < 1.1 and usual * told < 100.0  # more: another unit
+    off = not 0.75 < usual * told < 1.33 and usual * told < 100.0  # more: another unit
     return 1.0 / usual if even and off else told
 
 
