@@ -126,7 +126,8 @@ class SampleChecks:
         steps = np.diff(block.times, prepend=last)
         # What is missing takes time; where none has passed here, only the clock went on. What
         # comes first may have waited: its clock goes wrong only where all of its steps are long.
-        jumped = steps.max() > passed + JUMP or (passed != passed and np.median(steps) > JUMP)
+        late = passed != passed and np.median(steps) > JUMP
+        jumped = bool(late or steps.max() > passed + JUMP)
         rows: list[int] = []
         anew = False
         for row, time in enumerate(block.times.tolist()):
