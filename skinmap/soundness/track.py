@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import json
+import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -43,7 +44,8 @@ PRESSURE = {"pressure_bar": 1e5, "pressure_kpa": 1e3, "pressure_pa": 1.0}
 WORDS = {"label": "labels", "gesture": "labels", "session": "sessions", "person": "people"}
 UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
 UNSURE = "seconds or milliseconds"
-QUICK, SLOW = 0.9, 5.5  # steps of 1 ms to 5 ms, or of seconds: skins send at both rates
+THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+")
+QUICK, SLOW = 0.9, 2.05  # steps of 1 or 2 ms, or of seconds: skins send at both rates
 FAR = 10.0  # between parts of which no pose is known [m]
 TABLES = (".csv", ".tsv", ".txt")
 ARRAYS = (".npz", ".mat")
@@ -375,11 +377,8 @@ def _unit(step: float, last: float, values: NDArray[Any]) -> tuple[float, str]:
             return scale, UNITS.get(scale, "")
     # Skins send 1 to 1,000 samples a second: a step of 20 is 20 ms, of 20,000 is 20 us apart.
     which = sum(step >= QUICK * 1000.0**k for k in range(3))
-    if which and step <= SLOW * 1000.0 ** (which - 1):
-        if _leaps(values):
-            which -= 1
-        elif which == 1:
-            return 1.0, UNSURE
+    if which == 1 and step <= SLOW:
+        return 1.0, "" if _leaps(values) else UNSURE
     return scales[which], UNITS.get(scales[which], "")
 
 
@@ -481,6 +480,14 @@ def _numbers_of(
 ) -> FloatArray:
     """Numbers of some columns, with decimal commas beside `;` and tabs; an empty cell is NaN."""
     mark, commas = None if split == " " else split, split in (";", "\t")
+    if commas:
+        cells = [cell.strip() for line in lines[:1000] for cell in line.split(split)]
+        parted = [cell for cell in cells if "," in cell]
+        whole = any(cell.isdigit() and len(cell) > 2 for cell in cells)
+        if parted and whole and all(THOUSANDS.fullmatch(cell) for cell in parted):
+            raise DataFormatError(
+                f"{parted[0]!r} has a decimal comma or parted thousands: write it without", path
+            )
     try:
         words = [line.replace(",", ".") for line in lines] if commas else lines
         found = np.loadtxt(words, delimiter=mark, usecols=columns, ndmin=2, comments=None)

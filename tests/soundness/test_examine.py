@@ -375,15 +375,29 @@ def test_times_of_fast_skins_are_not_read_a_thousand_times_wrong(tmp_path, step,
     assert said in text if said else not text
 
 
+def test_thousands_are_no_decimals(tmp_path):
+    path = tmp_path / "t.tsv"
+    rows = [f"{k / 50:.2f}\t{980 + k}\t1,0{k % 90 + 10}" for k in range(40)]
+    path.write_text("\n".join(["time\ta\tb", *rows]))
+    with pytest.raises(DataFormatError, match="thousands"):
+        read_track(path)
+
+
+@pytest.mark.parametrize(("step", "unit"), [(4, "milliseconds"), (4000, "microseconds")])
+def test_two_hundred_a_second_and_more_are_read_right(tmp_path, step, unit):
+    np.savez(tmp_path / "a.npz", samples=noise(), times=np.arange(1000) * step)
+    assert read_track(tmp_path / "a.npz").unit == unit
+
+
 def test_a_slow_logger_is_in_seconds_where_touches_leap(tmp_path):
     touched = np.repeat(np.random.default_rng(1).random((50, 12)) < 0.3, 2, axis=0)
     values = np.zeros((1000, 12))
     values[np.r_[0:1000:10, 1:1000:10]] = 100.0 * touched[np.r_[0:100, 0:100]]
-    np.savez(tmp_path / "a.npz", samples=noise() + values, times=np.arange(1000) * 5)
+    np.savez(tmp_path / "a.npz", samples=noise() + values, times=np.arange(1000) * 2)
     track = read_track(tmp_path / "a.npz")
     assert track.unit == ""
     assert track.times is not None
-    assert track.times[1] == 5.0
+    assert track.times[1] == 2.0
 
 
 def test_a_column_that_stands_twice_is_named(tmp_path):

@@ -223,6 +223,7 @@ NAIVE: Way = "event"
 MAX_GROUPS = 10  # more groups than that are left out several at a time
 REGIONS = 4  # places of a part
 AT_CHANCE = 2.33  # standard deviations above chance that one draw in a hundred exceeds
+PERHAPS = 0.1  # a figure that chance gives less often may be more than chance
 SURE = 0.01  # a control so unlikely to come by chance is a leak
 RIDGE = 10.0  # of standardised values; flat for a factor of ten around here on simulated rest
 
@@ -525,11 +526,11 @@ def control_of(
     return Control(share, "yes" if _no_chance(together, chance) else "perhaps")
 
 
-def _no_chance(right: BoolArray, chance: float) -> bool:
+def _no_chance(right: BoolArray, chance: float, *, sure: float = SURE) -> bool:
     from scipy.stats import binomtest
 
     test = binomtest(int(right.sum()), len(right), chance, alternative="greater")
-    return bool(test.pvalue < SURE)
+    return bool(test.pvalue < sure)
 
 
 def at_chance(named: Names, labels: Names) -> tuple[Meaning, str] | None:
@@ -556,7 +557,7 @@ def at_chance(named: Names, labels: Names) -> tuple[Meaning, str] | None:
         return "no", "is far below chance: labels are exchanged, or confounded with the groups"
     if _no_chance(right, chance):
         return None
-    if share >= (1.0 + chance) / 2:
+    if share > chance and _no_chance(right, chance, sure=PERHAPS):
         return "doubtful", "is doubtful: of so few touches that may be chance; record more"
     return "no", "is not above chance"
 
@@ -581,7 +582,9 @@ def meaning_of(
     figure = f"{100 * right.mean():.1f} % with {split}"
     chance = f"chance is {100 * judged.chance:.1f} %"
     if (none := at_chance(named, labels)) is not None:
-        return none[0], f"{figure} {none[1]}; {chance}"
+        alone = () if way == "session" else _of_one_group(judged.groups["session"], labels)
+        only = f"; {', '.join(alone)} recorded in one session only" if alone else ""
+        return none[0], f"{figure} {none[1]}; {chance}{only}"
     who = {
         "control": "the same classifier names {} before the touches",
         "first": "the same classifier names {} of the first samples",
