@@ -151,7 +151,7 @@ def collect(
     SkinMismatchError
         A recording of another skin than the robot's.
     """
-    mappings = {path.with_suffix(".toml") for path in paths if path.is_file()}
+    mappings = {path.with_suffix(".toml") for path in paths if path.suffix != ".toml" and path.is_file()}
     named = [path for path in paths if path not in mappings]  # a shell's pattern finds both
     files = list(dict.fromkeys(found for path in named for found in files_of(path)))
     sessions = session_names(files)
