@@ -151,8 +151,9 @@ def collect(
     SkinMismatchError
         A recording of another skin than the robot's.
     """
-    mappings = {path.with_suffix(".toml") for path in paths if path.suffix != ".toml" and path.is_file()}
-    named = [path for path in paths if path not in mappings]  # a shell's pattern finds both
+    data = [path for path in paths if path.is_file() and path.suffix != ".toml"]
+    mappings = {path.with_suffix(".toml") for path in data}  # a shell's pattern finds both
+    named = [path for path in paths if path not in mappings]
     files = list(dict.fromkeys(found for path in named for found in files_of(path)))
     sessions = session_names(files)
     robots: dict[str, Robot] = {}
