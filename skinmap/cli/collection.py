@@ -136,7 +136,7 @@ def collect(
     Parameters
     ----------
     paths : sequence of Path
-        The mapping of another one is passed over.
+        A mapping (.toml) beside its recording is left out.
     robot : str, optional
         Of all of them, whatever they say.
     parts : sequence of str

@@ -43,8 +43,11 @@ def channel_faults(survey: Survey) -> tuple[list[Finding], NDArray[np.bool_]]:
     """Findings, and the channels (n,) that no later question should be asked of."""
     bad = np.zeros(survey.width, bool)
     found: list[Finding] = []
-    looks = (_ids, _missing, _constant, _coarse, _thermal, _clipped, _stuck, _copied, _noisy)
-    for look in (*looks, _sign, _mute):
+    for look in (_ids, _missing, _constant, _coarse, _thermal):
+        found += look(survey, bad)
+    clipped = _clipped(survey, bad)
+    found += clipped + _stuck(survey, bad, clipped)
+    for look in (_copied, _noisy, _sign, _mute):
         found += look(survey, bad)
     return found, bad
 
@@ -195,7 +198,7 @@ def _cut(survey: Survey) -> NDArray[np.bool_]:
     return np.asarray((at[1:] & ~at[:-1]).sum(axis=0) + at[0] >= 2)
 
 
-def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
+def _stuck(survey: Survey, bad: NDArray[np.bool_], clipped: list[Finding]) -> list[Finding]:
     """Channels that stop for a while, where they should have changed by what they do elsewhere."""
     runs = []
     top = survey.high.max(axis=0) if survey.rising else survey.low.min(axis=0)
@@ -203,7 +206,7 @@ def _stuck(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
     # What is cut off stands still at the top under each strong load.
     highest = survey.mean == (top.max() if survey.rising else top.min())
     quiet &= ((survey.mean != top) | ~_cut(survey)) & ~(highest & (highest.mean(axis=0) <= 0.2))
-    for one in _clipped(survey, bad):
+    for one in clipped:
         quiet[:, one.channels] &= survey.mean[:, one.channels] != one.value
     usual, long = _holds(survey, quiet)
     for channel in np.flatnonzero(~survey.constant & ~bad & quiet.any(axis=0)).tolist():

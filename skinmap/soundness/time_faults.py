@@ -68,10 +68,11 @@ def time_faults(survey: Survey) -> TimeFaults:
         return TimeFaults(found + _repeated_finding(repeated), repeated, [np.arange(count)])
     found = []
     if track.unit:
-        wrong = "read as seconds, the rate is wrong by 1,000 or more"
-        wrong = "the rate may be wrong by 1,000" if track.unit == UNSURE else wrong
+        wrong, sure = "read as seconds, the rate is wrong by 1,000 or more", 0.9
+        if track.unit == UNSURE:
+            wrong, sure = "the rate may be wrong by 1,000", 0.5
         text, do = f"The times are in {track.unit}: {wrong}.", "write the times in seconds"
-        found.append(finding("stamps", text, confidence=0.9, harm=0.3, do=do))
+        found.append(finding("stamps", text, confidence=sure, harm=0.3, do=do))
     repeated = _repeats(survey, times)
     found += _repeated_finding(repeated)
     # Values that repeat at times of their own leave no gap.
@@ -455,7 +456,9 @@ def clock_faults(survey: Survey, step: float) -> list[Finding]:
     begin = int(known[0])
     reference = np.interp(np.arange(begin, known[-1] + 1), known, reference[known])
     factor, own = _own_rows(survey, reference, step)
-    values, rate = np.nan_to_num(survey.track.values), 1.0 / step if step > 0 else 50.0
+    values, rate = survey.track.values, 1.0 / step if step > 0 else 50.0
+    if values.dtype.kind == "f":  # whole numbers need no copy
+        values = np.nan_to_num(values)
     try:
         lines = align(values, own, rate=rate, expected=begin * factor)
     except InvalidArrayError:

@@ -415,7 +415,7 @@ class RecordedStream:
     def gaps(self) -> int | None:
         """How often more than one and a half steps, or ticks of the clock, passed unseen.
 
-        None where nobody gave a rate and the steps vary: no step is too long then.
+        None where no rate is known and the steps vary: no step is too long then.
         """
         if self.info.rate == measured_rate(self.times) and _uneven(self.times):
             return None
