@@ -21,6 +21,7 @@ from calibration.patch.patch_calibration import (
 from calibration.patch.sheet_model import ROUGHLY, Evidence
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.proximity import median_spacing
+from skinmap.geometry.topology import border_edges
 from skinmap.geometry.triangles import unit
 from skinmap.summary import first_few
 
@@ -189,9 +190,8 @@ def _overlapping(
     pitch = median_spacing(board.layout)
     pairs = cKDTree(positions).query_pairs(ON_ITSELF * pitch, output_type="ndarray")
     i, j = pairs.T
-    sides = np.sort(board.triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
-    edges, count = np.unique(sides, axis=0, return_counts=True)
-    inner = np.setdiff1d(board.triangles, edges[count == 1])  # where two borders meet is a seam
+    # Where two borders meet is a seam.
+    inner = np.setdiff1d(board.triangles, border_edges(board.triangles))
     far = np.linalg.norm(board.layout[i] - board.layout[j], axis=1) > FAR_ON_BOARD * pitch
     far &= (np.einsum("pd,pd->p", normals[i], normals[j]) > 0.5) & np.isin(pairs, inner).any(axis=1)
     if far.any():

@@ -65,8 +65,8 @@ def command(recordings: tuple[Path, ...], output: Path, as_json: bool) -> None:
     """Join recordings of one robot, one after the other, with their touches and sessions.
 
     All times of a file are moved by one shift: a file begins 1 s after the end of the one before.
-    Pressures are joined; raw values and joint angles stay in the recordings they came from. Of recordings of different
-    parts only .npz can be written.
+    Pressures are joined; raw values and joint angles stay in the recordings they came from. Of
+    recordings of different parts only .npz can be written.
 
     \b
     Example:  skinmap merge poke.mcap rub.mcap -o both.mcap
