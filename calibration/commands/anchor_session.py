@@ -30,6 +30,7 @@ from skinmap.errors import InvalidArrayError, SkinError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.io.output import staged_folder
 from skinmap.io.text import UNITS
+from skinmap.report.present import drop_refusal
 
 REACH = 0.75  # pitches: how far beside a taxel a click still means it
 ANCHORS, REFUSED_ANCHORS = "anchors.csv", "refused_anchors.csv"
@@ -292,6 +293,7 @@ class AnchorSession:
             if self.anchors:
                 files = [*files, ANCHORS if good else REFUSED_ANCHORS]
                 write_anchor_table(self.anchors, self.board, stage / files[-1])
+        drop_refusal(out, files)
         reasons = [solution.problem] if solved is None else solved.result.reasons
         first = reasons[0] if reasons else ""
         self.message = f"saved in {out}" if good else f"not accepted, anchors kept: {first}"

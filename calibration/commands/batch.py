@@ -19,7 +19,7 @@ from skinmap.commands.options import WorkerOptions, prints, workers_options
 from skinmap.commands.progress import progress
 from skinmap.errors import DataFormatError, SkinError, unknown_name
 from skinmap.io.text import UNITS
-from skinmap.report.present import present
+from skinmap.report.present import drop_refusal, present
 from skinmap.report.result import MERGED, OK, Verdict
 from skinmap.report.table import Table
 
@@ -94,22 +94,24 @@ def batch(
     \b
     Example:  skinmap calibrate batch patches.csv --jobs 4 -o patches
     """
-    from skinmap.io.output import staged_folder
+    from skinmap.io.output import check_folder, staged_folder
     from skinmap.parallel.run import each_result
 
-    rows, found = read_batch(table_file), {}
+    rows, found, out = read_batch(table_file), {}, cast("Path", output.out)
+    check_folder(out)
     with (
-        staged_folder(cast("Path", output.out)) as stage,
         spread.open("calibrate batch") as workers,
         progress(len(rows), "calibrate") as advance,
         closing(each_result(_calibrated, _tasks(rows, output.accept),
                             workers=workers, progress=advance)) as results,
     ):  # fmt: skip
-        for place, (patch, files) in results:  # as they come
+        for place, (patch, files) in results:  # as they come: an interruption keeps what is done
             found[place] = patch
-            for name, data in files.items():
-                (stage / name).parent.mkdir(exist_ok=True)
-                (stage / name).write_bytes(data)
+            if files:
+                with staged_folder(out / patch.patch) as stage:
+                    for name, data in files.items():
+                        (stage / name).write_bytes(data)
+                drop_refusal(out / patch.patch, files)
     patches = [found[place] for place in sorted(found)]
     result = BatchResult(statuses=Counter(patch.status for patch in patches), patches=patches)
     bad = set(result.statuses) - {OK}
@@ -117,15 +119,16 @@ def batch(
     present(result, batch_lines, as_json=output.as_json, verdict=verdict)
 
 
-def batch_lines(result: BatchResult) -> Iterator[Table]:
+def batch_lines(result: BatchResult) -> Iterator[Table | str]:
     """What people read of a batch."""
     rows = []
     for one in result.patches:
         taxels, sd = 0, None
         if not isinstance(one.found, msgspec.UnsetType):
             taxels, sd = one.found.taxels, one.found.predicted_sd_mm.median
-        rows.append((one.patch, one.status, taxels, sd, "; ".join(one.reasons)[:100]))
-    yield Table(("patch", "status", "taxels", "predicted error mm", "why"), rows)
+        rows.append((one.patch, one.status, taxels, sd))
+    yield Table(("patch", "status", "taxels", "predicted error mm"), rows)
+    yield from (f"{one.patch}: {'; '.join(one.reasons)}" for one in result.patches if one.reasons)
 
 
 def read_batch(path: Path) -> dict[str, PatchFiles]:
@@ -193,10 +196,10 @@ def _calibrated(task: BatchTask) -> tuple[BatchPatch, dict[str, bytes]]:
             raise SkinError(task.evidence)
         with tempfile.TemporaryDirectory(prefix="skinmap-") as name:
             found = task.evidence.solve().save(Path(name), accept=task.accept)
-            data = {f"{task.name}/{one}": (Path(name) / one).read_bytes() for one in found.files}
+            data = {one: (Path(name) / one).read_bytes() for one in found.files}
     except SkinError as error:
         return BatchPatch(patch=task.name, status=FAILED, reasons=[str(error)]), {}
-    found = replace(found, files=[*data])
+    found = replace(found, files=[f"{task.name}/{one}" for one in data])
     patch = BatchPatch(
         patch=task.name, status=found.status, reasons=found.reasons, files=found.files, found=found
     )

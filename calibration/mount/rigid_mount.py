@@ -12,6 +12,7 @@ fit is a similarity, and the mount is its rigid part.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Literal, get_args
@@ -19,6 +20,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
+from scipy.special import chdtri, fdtri
 
 from skinmap.arrays import BoolArray, FloatArray, check_finite, check_points, freeze
 from skinmap.errors import InvalidArrayError, UnknownNameError
@@ -131,8 +133,9 @@ def _robust(p: FloatArray, q: FloatArray, mount: FloatArray) -> tuple[FloatArray
     for _ in range(ROUNDS):
         before = mount
         length = np.linalg.norm((q - mount[:3, 3]) @ mount[:3, :3] - p, axis=1)
-        # The spread of three coordinates: the median of their length is 1.54 deviations.
-        scale = max(float(np.median(length)) / LENGTH, FLOOR * size)
+        # The spread of three coordinates: the median of their length is 1.54 deviations. Six
+        # degrees of freedom are fitted, so that residuals of few pairs are shorter than the noise.
+        scale = max(float(np.median(length)) / LENGTH / math.sqrt(_free(len(p))), FLOOR * size)
         weight = 1.0 / (1.0 + (length / (CAUCHY * scale)) ** 2)
         mount = rigid_fit(p, q, weight)
         if np.abs(mount - before).max() < SETTLED * size:
@@ -149,9 +152,16 @@ def _covariance(arms: FloatArray, missed: FloatArray, weight: FloatArray) -> Flo
     jacobian = motion_slopes(arms)
     slope = float(np.mean(weight + 2.0 * weight**2)) / 3.0
     normal = np.einsum("mki,mkj->ij", jacobian, jacobian)
-    free = max(1.0, 3.0 * len(arms) - 6.0) / len(arms)
-    variance = float(np.mean((weight * missed) ** 2)) / free / slope**2
-    return np.asarray(variance * np.linalg.pinv(normal, hermitian=True))
+    free = 3.0 * len(arms) * _free(len(arms))
+    variance = float(np.sum((weight * missed) ** 2)) / free / slope**2
+    # Few pairs know their own spread badly: areas of 95 % by Student's distribution.
+    wider = 3.0 * fdtri(3, free, 0.95) / chdtri(3, 0.05)
+    return np.asarray(wider * variance * np.linalg.pinv(normal, hermitian=True))
+
+
+def _free(pairs: int) -> float:
+    """The share of the coordinates of so many pairs that a mount leaves free."""
+    return max(1.0, 3.0 * pairs - 6.0) / (3.0 * pairs)
 
 
 def point_covariance(mount: FloatArray, points: FloatArray, covariance: FloatArray) -> FloatArray:

@@ -356,7 +356,8 @@ def _check_gain(
         words = f"; the loads come {late:+d} rows after the samples" if abs(late) > 2 else ""
         raise InvalidArrayError(
             f"the loads explain {100 * max(float(np.median(share)), 0):.0f} % of the samples under "
-            f"load, {100 * EXPLAINED:.0f} % are needed: rows of both must be of one moment{words}"
+            f"load, {100 * EXPLAINED:.0f} % are needed: rows of both must be "
+            f"of one moment, and channels in one order{words}"
         )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Container, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -74,6 +74,7 @@ def present(
 
         with staged_folder(out) as stage:
             files = write_files(stage, refused, write, page)
+        drop_refusal(out, files)
         result = dataclasses.replace(result, files=files)
     if as_json:
         emit(result, number)
@@ -92,6 +93,12 @@ def write_files(stage: Path, refused: bool, write: Write | None, page: Page | No
         files.append(REFUSED_PAGE if refused else PAGE)
         (stage / files[-1]).write_text(page(stage), encoding="utf-8")
     return files
+
+
+def drop_refusal(out: Path, files: Container[str]) -> None:
+    """Remove the `refused.html` of an earlier run from a folder whose result was now written."""
+    if PAGE in files:
+        (out / REFUSED_PAGE).unlink(missing_ok=True)
 
 
 MANY = "touches|structures|samples|taxels|channels|recordings|modules|skins|parts|anchors|people"

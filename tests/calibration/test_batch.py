@@ -64,6 +64,43 @@ def test_a_batch_by_two_processes_is_the_same(batch):
     assert table == (batch / "out" / "one" / "taxels.csv").read_bytes()
 
 
+def test_an_interrupted_batch_keeps_the_patches_that_are_done(batch, monkeypatch):
+    from skinmap.parallel import run as parallel
+
+    whole = parallel.each_result
+
+    def broken(*words, **more):
+        yield next(whole(*words, **more))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(parallel, "each_result", broken)
+    words = ["calibrate", "batch", str(batch / "patches.csv"), "-o", str(batch / "out")]
+    assert CliRunner().invoke(cli, words).exit_code != 0
+    names = [path.relative_to(batch / "out").as_posix() for path in (batch / "out").rglob("*.*")]
+    assert sorted(names) == ["one/report.html", "one/taxels.csv"]
+
+
+def test_a_page_of_refusal_goes_when_the_patch_becomes_ok(batch):
+    """And the reasons of others are printed whole."""
+    table = (batch / "patches.csv").read_text()
+    *anchors, last = (batch / "one.csv").read_text().splitlines()
+    channel, x, y, z = last.split(",")
+    anchors.append(f"{channel},{float(x) + 0.02},{y},{z}")  # 20 mm off
+    (batch / "far.csv").write_text("\n".join(anchors) + "\n")
+    (batch / "patches.csv").write_text(table.replace("ply,one.csv\nlost", "ply,far.csv\nlost"))
+    words = ["calibrate", "batch", str(batch / "patches.csv"), "-o", str(batch / "out")]
+    first = CliRunner().invoke(cli, words)
+    assert (batch / "out" / "one" / "refused.html").exists(), first.output
+    page = json.loads(CliRunner().invoke(cli, [*words, "--json"]).stdout)
+    for patch in page["patches"]:
+        for reason in patch["reasons"]:
+            assert reason in first.output
+    (batch / "patches.csv").write_text(table)
+    assert CliRunner().invoke(cli, words).exit_code == 3
+    assert not (batch / "out" / "one" / "refused.html").exists()
+    assert (batch / "out" / "one" / "report.html").exists()
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

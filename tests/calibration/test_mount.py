@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 from calibration import fit_mount
 from calibration.mount.rigid_mount import point_covariance
 from skinmap.errors import InvalidArrayError, UnknownNameError
+from skinmap.geometry.rigid import transform_points
 
 
 def pose(rotvec, translation) -> np.ndarray:
@@ -107,6 +108,33 @@ def test_bad_input_is_named(rng):
         fit_mount(np.outer(np.arange(10), [1, 2, 3]), frames, targets)
     with pytest.raises(UnknownNameError, match="linear, cauchy"):
         fit_mount(points, frames, targets, loss="huber")
+
+
+@pytest.mark.parametrize(
+    ("pairs", "loss", "least"),
+    [
+        (3, "linear", 0.9),
+        (4, "linear", 0.9),
+        (8, "linear", 0.9),
+        (20, "linear", 0.9),
+        (3, "cauchy", 0.82),
+        (5, "cauchy", 0.82),
+        (8, "cauchy", 0.87),
+        (20, "cauchy", 0.9),
+    ],
+)
+def test_areas_of_95_percent_hold_as_much_with_few_pairs(pairs, loss, least):
+    """Without Student's distribution three pairs hold 75 %, by Cauchy's loss 46 %."""
+    rng, held = np.random.default_rng(pairs), []
+    for _ in range(200):
+        points = rng.uniform(-0.05, 0.05, (pairs, 3))
+        seen = points + rng.normal(0.0, 1e-3, (pairs, 3))
+        fit = fit_mount(points, np.tile(np.eye(4), (pairs, 1, 1)), seen, loss=loss)
+        place = points.mean(axis=0, keepdims=True) + 0.03
+        missed = transform_points(fit.mount, place)[0] - place[0]
+        area = point_covariance(fit.mount, place, fit.covariance)[0]
+        held.append(missed @ np.linalg.solve(area, missed) < 7.815)  # chi2 of 3 at 95 %
+    assert least <= np.mean(held) <= 0.99
 
 
 def test_point_covariance_is_what_draws_of_the_mount_show(rng):
