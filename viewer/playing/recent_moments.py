@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.live.contacts.named_touch import UNNAMED, Moment
-from viewer.colours import RIM, class_colour
+from viewer.colours import RIM, class_colour, touch_colour
 
 MINUTE = 60.0  # that is remembered [s]
 MEMORY = 64_000_000  # bytes at most: a minute of the whole iCub at 50 Hz, in float32
@@ -200,13 +200,14 @@ class Span:
     began: float
     ended: float
     marked: bool = False
+    colour: str = ""  # of the touch; of a mark that of its label
 
     def to_json(self, origin: float) -> list[Any]:
         """Beginning and end from the origin [s], colour, words, part, and whether it is a mark."""
         words = f"{self.label} on {self.part}" if self.part else self.label
         words = f"{words}, marked" if self.marked else words
         began, ended = round(self.began - origin, 3), round(self.ended - origin, 3)
-        tint = class_colour(self.label) if self.part else RIM
+        tint = (self.colour or class_colour(self.label)) if self.part else RIM
         return [began, ended, tint, words.replace("_", " "), self.part, self.marked]
 
 
@@ -249,11 +250,12 @@ class Timeline:
                 number = self._number(touch.part, moment.time)
                 if number is None:
                     number = self._add(Span(touch.part, touch.label, moment.time, moment.time))
-            span = self._spans[number]
+            span, tint = self._spans[number], touch_colour(touch)
             if moment.time >= span.ended or span.label == UNNAMED:
-                self.version += span.label != touch.label
+                self.version += (span.label, span.colour) != (touch.label, tint)
                 ended = max(span.ended, moment.time)
-                self._spans[number] = replace(span, label=touch.label, ended=ended)
+                named = replace(span, label=touch.label, ended=ended, colour=tint)
+                self._spans[number] = named
             now[key] = number
         self.version += len(self._open.keys() - now.keys())
         self._open = now

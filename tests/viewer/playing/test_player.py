@@ -13,7 +13,9 @@ import pytest
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.live.sources.source import Seekable, SourceEnded, StreamInfo
+from skinmap.recognition.answers import Answer, Answers, HandAnswer
 from viewer import Player
+from viewer.colours import class_colour, touch_colour
 from viewer.playing.recent_moments import LENGTH, MEMORY, MINUTE, History, Timeline, size, small
 
 DEADLINE = 10.0  # far beyond what any machine needs: a test that waits so long has failed
@@ -394,6 +396,19 @@ def test_touches_stand_on_the_time_line_once_however_often_they_are_played():
     found = [(span.began * RATE, span.ended * RATE) for span in line.spans()]
     np.testing.assert_allclose(found, [(10, 29), (50, 59)], atol=1e-9)
     assert line.spans()[0].to_json(0.1)[0] == pytest.approx(10 / RATE - 0.1, abs=1e-3)
+
+
+def test_a_touch_has_one_colour_on_the_time_line_and_on_the_body():
+    """That of its kind, where a model answers it, whatever its label."""
+    answers = Answers(
+        Answer("poke", 0.9, ("poke",)), Answer("still", 0.9, ("still",)), HandAnswer("hand", 0.9)
+    )
+    touch = NamedTouch("arm", np.arange(3), np.zeros(3), "hold", 0.9, answers=answers)
+    line = Timeline()
+    line.see(Moment(0.0, {}, (touch,)))
+    _, _, tint, words, *_ = line.spans()[0].to_json(0.0)
+    assert (tint, words) == (touch_colour(touch), "hold on arm")
+    assert tint == class_colour("poke") != class_colour("hold")
 
 
 def test_the_beginning_is_the_recordings_own_where_its_first_samples_were_not_shown():
