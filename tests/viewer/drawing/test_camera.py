@@ -35,6 +35,17 @@ def test_front_view_looks_at_the_side_with_the_skin():
     assert abs(abs(front_view(normals).azimuth) - 180.0) <= 20.0
 
 
+@pytest.mark.parametrize(
+    ("normal", "rise"),
+    [((0, 0, 1), 50.0), ((1, 0, 0.5), 26.57), ((0, -1, 0), 12.0), ((0, 0, -1), 12.0)],
+)
+def test_a_flat_skin_is_looked_at_from_above_it_and_not_along_it(normal, rise):
+    normals = np.tile(np.array(normal, float) / np.linalg.norm(normal), (64, 1))
+    view = front_view(normals)
+    assert view.elevation == pytest.approx(rise, abs=0.01)
+    assert normals[0] @ view.direction > 0.5 or normal[2] < 0
+
+
 def test_sees_tells_front_from_back(ball):
     assert sees(ball, target([1, 0, 0]), np.array([1.0, 0.0, 0.0]))
     assert not sees(ball, target([-1, 0, 0]), np.array([1.0, 0.0, 0.0]))

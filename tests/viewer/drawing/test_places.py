@@ -92,6 +92,13 @@ def test_lifts_and_arrows_are_of_the_size_of_the_skin(factor, scale):
     assert np.ptp(points[:, 2]) == pytest.approx(LONG * scale)
 
 
+def test_arrows_on_a_small_pad_are_about_as_long_as_it():
+    grid = np.mgrid[0:8, 0:8].reshape(2, -1).T * 4e-3
+    rows, up = np.arange(64), np.tile([0.0, 0.0, 1.0], (64, 1))
+    skin = Skin("pad", "link", rows, rows, np.column_stack([grid, np.zeros(64)]), up)
+    assert 0.5 * 0.028 < LONG * mark_scale(skin) < 1.5 * 0.028
+
+
 def test_a_page_has_the_flat_map_whole_on_both_sides_of_a_seam(tube, opengl):
     robot = load_robot("kaspar")  # a link for the tube
     tube = PreparedSkin(replace(tube.skin, link=robot.skin("torso").link))

@@ -12,12 +12,14 @@ from vtkmodules.vtkRenderingCore import vtkCamera, vtkRenderer
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import check_known
+from skinmap.geometry.triangles import unit
 from viewer.drawing.words.labels import Coverage
 
 VIEW_ANGLE = 22.0  # vertical [deg]: long enough a lens that limbs keep their proportions
 AZIMUTHS = np.arange(-180.0, 180.0, 15.0)
 ELEVATIONS = (12.0, 35.0, -10.0, 50.0)  # where a person beside the robot has their eyes
 UNUSUAL = (-25.0, 70.0, -45.0)  # only for what is seen from none of these: soles, undersides
+FLAT = 0.9  # mean cosine between the normals of a flat skin and their mean
 FACING = 0.2  # cosine between a normal and the way to the camera: flatter is hard to see
 CLEAR = 6e-3  # a ray starts this far above the taxel, clear of the cover it lies in [m]
 FAR = 100.0  # what hides a taxel is nearer [m]
@@ -93,9 +95,15 @@ class Target:
 
 
 def front_view(normals: FloatArray) -> View:
-    """A three-quarter view of the side on which most taxels with normals (n, 3) are seen."""
-    scores = [np.clip(normals @ View(a, 12.0).direction, 0.0, None).mean() for a in AZIMUTHS]
-    return View(float(AZIMUTHS[int(np.argmax(scores))]) + 20.0, 12.0)
+    """A three-quarter view of the side on which most taxels with normals (n, 3) are seen.
+
+    A flat skin that lies or leans is looked at from above it.
+    """
+    mean = unit(normals.sum(axis=0))
+    flat = (normals @ mean).mean() > FLAT
+    rise = float(np.clip(np.degrees(np.arcsin(mean[2])), 12.0, 50.0)) if flat else 12.0
+    scores = [np.clip(normals @ View(a, rise).direction, 0.0, None).mean() for a in AZIMUTHS]
+    return View(float(AZIMUTHS[int(np.argmax(scores))]) + 20.0, rise)
 
 
 def sees(body: Blocks, target: Target, direction: FloatArray, facing: float = FACING) -> bool:
