@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import ConvexHull, cKDTree
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import plane_turns
 from skinmap.geometry.topology import edges, loops_by_length
-from skinmap.geometry.triangles import cross_2d, cross_products
+from skinmap.geometry.triangles import cross_2d, cross_products, unit
 
 MAX_ARRANGED = 48  # charts: more are no skin of one limb, they go in shelves
 SAMPLES = 24  # vertices a chart that neighbours are laid out by
@@ -25,6 +25,7 @@ ALIKE = 0.15  # in gaps: places this much further apart are as close, boards are
 TURNS = np.radians([0, 15, -15, 30, -30, 50, -50, 75, -75, 105, -105, 140, -140, 180])
 MAX_CORNERS = 96  # of an outline that is compared with others; finer ones are coarsened
 LENGTH_SHARE = 0.2  # how much the spread counts against the normals: enough for flat plates
+PLANE, SQUARE = 0.95, 0.01  # of normals and spreads: a plate without a length has edges at least
 SURE = 0.3  # cosine: an axis further than 73 degrees from the upward direction says nothing
 STEEP = 0.35  # slope: flatter charts lie across the limb, another direction has to tell
 
@@ -58,13 +59,26 @@ def limb_frame(vertices: FloatArray, faces: IntArray, up: FloatArray | None = No
     corners, share = vertices[faces].reshape(-1, 3), np.repeat(weight / 3.0, 3)
     centred = corners - share @ corners
     spread = (centred * share[:, None]).T @ centred
-    _, directions = np.linalg.eigh(looks - LENGTH_SHARE * spread / np.trace(spread))
+    contained, directions = np.linalg.eigh(looks - LENGTH_SHARE * spread / np.trace(spread))
+    if contained[2] > PLANE and contained[1] - contained[0] < SQUARE:
+        directions = directions @ _edges(centred @ directions[:, :2])
     axis = _signed(directions[:, 0], centred, share, up)
     facing = weight @ normals - (weight @ normals @ axis) * axis
     if np.linalg.norm(facing) < 1e-6:  # looks everywhere alike: a tube, a ball
         facing = _signed(directions[:, 1], centred, share, None)
     facing = facing / np.linalg.norm(facing)
     return np.stack([axis, facing, np.cross(axis, facing)])
+
+
+def _edges(flat: FloatArray) -> FloatArray:
+    """(3, 3) turn of a plane's axes onto the smallest rectangle around its points (n, 2)."""
+    corners = flat[ConvexHull(flat).vertices]
+    along = unit(np.roll(corners, -1, axis=0) - corners)
+    turns = np.stack([along, along[:, ::-1] * [-1.0, 1.0]], axis=2)
+    area = np.ptp(corners @ turns, axis=1).prod(axis=1)
+    turn = np.eye(3)
+    turn[:2, :2] = turns[int(np.argmin(area))]
+    return turn
 
 
 def _signed(

@@ -21,6 +21,7 @@ from skinmap.geometry.topology import half_edges
 from skinmap.geometry.triangles import cross_2d, signed_areas
 from skinmap.skin.skin import Skin, skin_from_points
 from skinmap.surface.surface_mesh import SurfaceMesh
+from skinmap.touch.prepared_skin import PreparedSkin
 
 SEVERAL = ["left_arm", "right_arm", "left_forearm", "left_leg_upper", "right_leg_upper"]
 seeds = st.integers(0, 2**32 - 1)
@@ -243,3 +244,20 @@ def test_many_charts_go_in_shelves():
     for i, (low, high) in enumerate(boxes):
         for other_low, other_high in boxes[:i]:
             assert (low > other_high).any() or (other_low > high).any()
+
+
+@pytest.mark.parametrize("turn", [0.0, 20.0, 45.0])
+def test_a_square_pad_lies_along_its_edges(turn):
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    grid = np.mgrid[0:8, 0:8].reshape(2, -1).T @ np.array([[c, s], [-s, c]]) * 4e-3
+    rows = np.arange(64)
+    skin = Skin(
+        "pad",
+        "link",
+        rows,
+        rows,
+        np.column_stack([grid, np.zeros(64)]),
+        np.tile([0.0, 0.0, 1.0], (64, 1)),
+    )
+    (chart,) = flatten(PreparedSkin(skin).mesh).charts
+    np.testing.assert_allclose(np.ptp(chart.uv, axis=0), 0.028, rtol=1e-3)
