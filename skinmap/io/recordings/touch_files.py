@@ -163,7 +163,8 @@ def needed_mapping(path: Path) -> Mapping:
     if found is None:
         raise MissingFileError(
             path.with_suffix(".toml"),
-            f"a mapping that names the robot and the part of {path.name}, or {NAME} in its folder",
+            f"a mapping that names the robot and the part of {path.name}, with lines such as "
+            f'robot = "icub" and part = "torso" (docs/own_recordings.md), or {NAME} in its folder',
         )
     return found
 
