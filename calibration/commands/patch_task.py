@@ -157,17 +157,13 @@ class PatchTask:
 
     def _rows(self, found: PatchCalibration) -> list[EvidenceRow]:
         """Touches where there are any, which come first in what was solved; else anchors."""
+        felt = self.anchors.tolist()
         if self.touches:
             felt = [int(touch.channels[np.argmax(touch.values)]) for touch in self.touches]
-            sigma = np.array([touch.sigma for touch in self.touches])
-            missed = sigma * np.linalg.norm(found.residuals["touches"], axis=1)
-        else:
-            felt = self.anchors.tolist()
-            missed = np.linalg.norm(found.positions[self.anchors] - self.points, axis=1)
         left, names = found.left_out, self.board.channels
         return [
             EvidenceRow(
-                channel=int(names[taxel]), missed_mm=MM * float(missed[row]),
+                channel=int(names[taxel]), missed_mm=MM * float(left.missed[row]),
                 leave_one_out_mm=MM * float(left.distance[row]),
                 expected_mm=MM * float(left.expected[row]), misfit=float(left.misfit[row]),
             )

@@ -36,11 +36,14 @@ class LeftOut:
         Mean square of a coordinate over what is expected, of the two along the skin or of all
         three, whichever is larger; about 1 on average, above 6.5 it contradicts. A point on the
         wrong taxel is off along the skin alone: the third coordinate would only add noise.
+    missed : (k,) float
+        What it misses by where it is used too [m].
     """
 
     distance: FloatArray
     expected: FloatArray
     misfit: FloatArray
+    missed: FloatArray
 
     def __post_init__(self) -> None:
         freeze(self)
@@ -48,7 +51,7 @@ class LeftOut:
     @classmethod
     def nothing(cls) -> LeftOut:
         """No evidence at all."""
-        return cls(np.zeros(0), np.zeros(0), np.zeros(0))
+        return cls(np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(0))
 
     def __len__(self) -> int:
         return len(self.distance)
@@ -81,6 +84,7 @@ def leave_one_out(
         np.asarray(np.linalg.norm(error, axis=1)),
         np.asarray(np.sqrt(variance.sum(axis=1))),
         np.maximum(whole / 3.0, _along(axes, error, variance, evidence.blend @ normals) / 2.0),
+        np.linalg.norm(missed, axis=1),
     )
 
 

@@ -43,6 +43,16 @@ def locate(bent, touches, **words):
     )
 
 
+def test_what_a_touch_misses_is_its_distance_from_what_was_felt(bent, rng):
+    """The error of its centre counts in the fit, and not in this distance."""
+    touches = touched(bent, 32, rng)
+    found = locate(bent, touches)
+    for row, touch in enumerate(touches):
+        felt = touch.values @ found.positions[touch.channels] / touch.values.sum()
+        missed = np.linalg.norm(felt - touch.point)
+        assert found.left_out.missed[row] == pytest.approx(missed, rel=0.05, abs=2e-4)
+
+
 def test_touches_alone_place_the_patch(bent, rng):
     found = locate(bent, touched(bent, 32, rng))
     assert found.status is Status.OK
