@@ -47,29 +47,17 @@ if TYPE_CHECKING:
     from skinmap.parallel.workers import Workers
     from skinmap.recognition.protocols.recordings import Way
 
-PROTOCOLS = (
-    "kaspar",
-    "baxter",
-    "cross-patch",
-    "physics",
-    "time",
-    "fingers",
-    "hands",
-    "prints",
-    "force",
-    "load",
-)
+PROTOCOLS = {  # and the modules that they share
+    "kaspar": "papers", "baxter": "papers", "cross-patch": "simulated", "physics": "simulated",
+    "time": "simulated", "fingers": "real", "hands": "real", "prints": "real", "force": "force",
+    "load": "force",
+}  # fmt: skip
 ON_DATA = {  # protocols of files that users bring: how many, and their names
     "fingers": (1, 1, "its file or folder"),
     "hands": (1, 1, "its file or folder"),
     "prints": (2, 2, "TRAIN.npz TEST.npz"),
     "load": (2, 1000, "MODEL RECORDING..."),
 }
-# Protocols that share a module.
-HOMES = dict.fromkeys(("kaspar", "baxter"), "papers")
-HOMES |= dict.fromkeys(("cross-patch", "physics", "time"), "simulated")
-HOMES |= dict.fromkeys(("fingers", "hands", "prints"), "real") | {"load": "force"}
-
 Rows = list[list[Cell]]
 
 
@@ -152,7 +140,7 @@ class Evaluation:
 
 def find_evaluation(name: str) -> Evaluation:
     """That of a protocol, or of `recordings`."""
-    module = f"skinmap.cli.evaluate.protocol_{HOMES.get(name, name)}"
+    module = f"skinmap.cli.evaluate.protocol_{PROTOCOLS.get(name, name)}"
     found: Evaluation = importlib.import_module(module).EVALUATIONS[name]
     return found
 
