@@ -18,7 +18,6 @@ from skinmap.commands.options import MAX_TOUCHES, open_robot
 from skinmap.io.recordings.image_files import read_images
 from skinmap.recognition.protocols import kaspar
 from skinmap.recognition.protocols.baxter import METHODS, ImageSet, evaluate_baxter, given_images
-from skinmap.recognition.protocols.kaspar import evaluate_carry_over
 from skinmap.recognition.protocols.results import BaxterResult, CarrySummary, KasparResult, SweepRow
 from skinmap.report.page import plain_figure, save_figure
 from skinmap.report.result import given
@@ -55,7 +54,7 @@ def judge_kaspar(settings: Settings) -> KasparResult:
     with settings.working((3 if sweeps else 2) * settings.seeds, "kaspar") as who:
         shared = {**settings.drawn, **who, "samples": kaspar.SAMPLES}
         table = kaspar.evaluate_kaspar(skins[part], percents=kaspar.PERCENTS, **chosen, **shared)
-        carry_over = evaluate_carry_over(skins, percent=most, **shared)
+        carry_over = kaspar.evaluate_carry_over(skins, percent=most, **shared)
         swept = []
         if sweeps:
             swept = kaspar.sweep_radius_and_words(skins[part], percent=most, **shared)

@@ -35,17 +35,6 @@ from skinmap.recognition.protocols.results import (
     StrokesRow,
     TimeResult,
 )
-from skinmap.recognition.protocols.transfer import (
-    DEFAULTS,
-    OURS,
-    check_carries_over,
-    cut_patches,
-    evaluate_in_time,
-    play,
-    score_patches,
-    summarise,
-    touch_patches,
-)
 from skinmap.report.table import Table
 from skinmap.rows import percent
 from skinmap.skin.checks import twin_parts
@@ -63,11 +52,11 @@ class CrossPatch(Gestures):
 
 def judge_cross_patch(settings: Settings) -> CrossPatchResult:
     """Run the protocol."""
-    names, other = settings.names or DEFAULTS, settings.own.train_robot
-    check_carries_over(names)
+    names, other = settings.names or transfer.DEFAULTS, settings.own.train_robot
+    transfer.check_carries_over(names)
     gestures = chosen_gestures(settings)
-    test = cut_patches(*open_robot(settings.robot or "icub", settings.parts))
-    train = cut_patches(*open_robot(other, ())) if other else []
+    test = transfer.cut_patches(*open_robot(settings.robot or "icub", settings.parts))
+    train = transfer.cut_patches(*open_robot(other, ())) if other else []
     if not train and len(test) < 2:
         raise click.UsageError(
             f"leaving one patch out needs two patches, got {test[0].name}; "
@@ -78,11 +67,11 @@ def judge_cross_patch(settings: Settings) -> CrossPatchResult:
     with settings.working(settings.seeds * steps, "cross-patch") as shared:
         play = {"per_gesture": settings.per_gesture, "variety": settings.variety, **shared}
         for seed in settings.all_seeds:
-            tested = touch_patches(test, seed=seed, gestures=gestures, **play)
+            tested = transfer.touch_patches(test, seed=seed, gestures=gestures, **play)
             trained = None
             if train:
-                trained = touch_patches(train, seed=[seed, 1], gestures=gestures, **play)
-            found.append(score_patches(tested, trained, names=names, seed=seed, **shared))
+                trained = transfer.touch_patches(train, seed=[seed, 1], gestures=gestures, **play)
+            found.append(transfer.score_patches(tested, trained, names=names, seed=seed, **shared))
     return CrossPatchResult(
         robot=settings.robot or "icub",
         train_robot=other,
@@ -90,7 +79,7 @@ def judge_cross_patch(settings: Settings) -> CrossPatchResult:
         per_gesture=settings.per_gesture,
         **settings.drawn,
         patches={patch.name: len(patch.skin) for patch in test},
-        rows=[summarise(name, [one[k] for one in found]) for k, name in enumerate(names)],
+        rows=[transfer.summarise(name, [one[k] for one in found]) for k, name in enumerate(names)],
     )
 
 
@@ -165,7 +154,7 @@ def judge_time(settings: Settings) -> TimeResult:
     # Mirror images on both sides of the test would flatter.
     firsts = twin_parts({part: loaded.skin(part) for part in parts})
     skins = {part: PreparedSkin(loaded.skin(part)) for part in dict.fromkeys(firsts.values())}
-    physics, skipped = [OURS], {}
+    physics, skipped = [transfer.OURS], {}
     if find_spec("mujoco"):
         physics += [DEFAULT, FROZEN]
     else:
@@ -175,13 +164,15 @@ def judge_time(settings: Settings) -> TimeResult:
     with settings.working(steps, "time") as shared:
         how = {**shared, "variety": settings.variety}
         played = {
-            seed: play(skins, physics, gestures, settings.per_gesture, seed, **how)
+            seed: transfer.play(skins, physics, gestures, settings.per_gesture, seed, **how)
             for seed in settings.all_seeds
         }
-        found = evaluate_in_time(played, gestures=gestures, **shared)
+        found = transfer.evaluate_in_time(played, gestures=gestures, **shared)
     for one in (one for own in played.values() for one in own):
         errors[one.physics] += stroke_errors(one.skin, one.recording)
-    best = {(row.features, row.seen): row.mean for row in found.rows if row.tested_on == OURS}
+    best = {
+        (row.features, row.seen): row.mean for row in found.rows if row.tested_on == transfer.OURS
+    }
     return TimeResult(
         robot=loaded.name,
         parts=list(skins),

@@ -318,33 +318,31 @@ def paper_rows() -> list[AccuracyRow]:
 
 def margins(table: Sequence[AccuracyRow]) -> list[MarginRow]:
     """By how many points histograms lead raw values in an RBF SVM, beside the paper's margin."""
-
-    def mean(rows: Sequence[AccuracyRow], *wanted: object) -> float:
-        (row,) = (
-            row for row in rows if (row.percent, row.folds, row.features, row.classifier) == wanted
+    ours, published = (
+        {(row.percent, row.folds, row.features, row.classifier): row.mean for row in rows}
+        for rows in (table, paper_rows())
+    )
+    theirs = {
+        percent: _lead(published, percent, "plain", "histogram")
+        for percent in dict.fromkeys(key[0] for key in published)
+    }
+    return [
+        MarginRow(
+            percent=percent,
+            folds=kind,
+            features=recipe.name,
+            points=_lead(ours, percent, kind, recipe.name),
+            paper=theirs.get(percent) if kind == "plain" and recipe is LITERAL else None,
         )
-        return row.mean
+        for percent in dict.fromkeys(cast(int, row.percent) for row in table)
+        for kind in KINDS
+        for recipe in RECIPES
+    ]
 
-    found, published = [], paper_rows()
-    for percent in dict.fromkeys(cast(int, row.percent) for row in table):
-        theirs = None
-        if percent in {row.percent for row in published}:
-            ahead = mean(published, percent, "plain", "histogram", "intersection-svm")
-            theirs = 100.0 * (ahead - mean(published, percent, "plain", "raw", "rbf-svm"))
-        for kind in KINDS:
-            raw = mean(table, percent, kind, "raw", "rbf-svm")
-            found += [
-                MarginRow(
-                    percent=percent,
-                    folds=kind,
-                    features=recipe.name,
-                    points=100.0
-                    * (mean(table, percent, kind, recipe.name, "intersection-svm") - raw),
-                    paper=theirs if kind == "plain" and recipe is LITERAL else None,
-                )
-                for recipe in RECIPES
-            ]
-    return found
+
+def _lead(means: Mapping[Any, float], percent: Any, kind: FoldKind, features: str) -> float:
+    ahead = means[percent, kind, features, "intersection-svm"]
+    return 100.0 * (ahead - means[percent, kind, "raw", "rbf-svm"])
 
 
 def kaspar_repeat(

@@ -16,7 +16,7 @@ well. The judge that can fail is the same classifier without motion, and a secon
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,7 +26,6 @@ from sklearn.base import BaseEstimator
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
 from skinmap.parallel.run import run_tasks, task_rng
-from skinmap.parallel.workers import ONE, Workers
 from skinmap.physics.variants import TUNING, VARIANTS
 from skinmap.recognition.catalogue import classifiers
 from skinmap.recognition.classifier import NO_CONTACT, WITH_SETS, TouchClassifier, learnable
@@ -141,8 +140,7 @@ def touch_patches(
     gestures: Sequence[str],
     per_gesture: int,
     variety: float = DEFAULT,
-    workers: Workers = ONE,
-    progress: Callable[[str], None] | None = None,
+    **who: Any,
 ) -> list[Patch]:
     """The same patches with simulated touches anywhere on each.
 
@@ -156,9 +154,8 @@ def touch_patches(
         Touches of each gesture on each patch.
     variety : float
         Random spread of touches and sensors, 0 to 2.
-    workers : Workers
-    progress : callable, optional
-        Called after each patch.
+    who
+        `workers` and `progress` of `run_tasks`; it is called after each patch.
 
     Returns
     -------
@@ -178,7 +175,7 @@ def touch_patches(
         Playing(patch.skin, tuple(gestures), per_gesture, variety, (*own, number))
         for number, patch in enumerate(patches)
     ]
-    found = run_tasks(played, tasks, workers=workers, progress=progress)
+    found = run_tasks(played, tasks, **who)
     return [
         replace(patch, touches=tuple(recorded_touches(patch.skin, recording)))
         for patch, (recording,) in zip(patches, found, strict=True)
@@ -191,8 +188,7 @@ def score_patches(
     *,
     names: Sequence[str] = DEFAULTS,
     seed: int,
-    workers: Workers = ONE,
-    progress: Callable[[str], None] | None = None,
+    **who: Any,
 ) -> list[dict[str, Score]]:
     """Scores of each of some classifiers on each patch.
 
@@ -205,9 +201,8 @@ def score_patches(
     names : sequence of str
         Classifiers.
     seed : int
-    workers : Workers
-    progress : callable, optional
-        Called after each training.
+    who
+        `workers` and `progress` of `run_tasks`; it is called after each training.
 
     Returns
     -------
@@ -241,7 +236,7 @@ def score_patches(
         for name in names
         for trained, tested in sides
     ]
-    found = run_repeats(_train, trials, workers=workers, progress=progress, seed=seed)
+    found = run_repeats(_train, trials, **who, seed=seed)
     return [
         {patch: own for scores in found[k : k + len(sides)] for patch, own in scores.items()}
         for k in range(0, len(found), len(sides))
