@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.cli.evaluate.command import Evaluation, Own, Rows, Settings, write_predictions
+from skinmap.cli.evaluate.command import Evaluation, Own, Settings, write_predictions
 from skinmap.clock_lines import UNEXPLAINED, align, reference_at
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
@@ -350,19 +350,15 @@ def loads_lines(result: LoadsResult) -> Iterator[str | Table]:
         "come from the samples and the calibration alone"
     )
 
-    def words(value: float | None) -> str:
-        return "none" if value is None else f"{value:.3f}"
-
-    rows: Rows = [
-        [
-            row.recording, words(row.rms_bar), percent(row.holds), words(row.width_bar),
-            percent(row.refused), row.answered,
-            _zero_words(row),
-        ]
-        for row in result.rows
-    ]  # fmt: skip
-    heads = ["recording", "error [bar]", "inside 90 % [%]", "width [bar]", "refused [%]"]
-    yield Table([*heads, "taxels that answer", "zero"], rows)
+    table = Table.of(
+        LoadRow,
+        result.rows,
+        "recording rms_bar:.3f=error_[bar] holds:%=inside_90_%_[%] width_bar:.3f=width_[bar] "
+        "refused:%=refused_[%] answered=taxels_that_answer",
+    )
+    zeros = map(_zero_words, result.rows)
+    rows = [[*cells, zero] for cells, zero in zip(table.rows, zeros, strict=True)]
+    yield Table([*table.columns, "zero"], rows)
     for row in result.rows:
         if row.reason:
             yield f"{row.recording}: not judged: {row.reason}"
