@@ -230,12 +230,7 @@ def _settle(
         found = in_question(found, questions)
         if not questions or not in_terminal():
             return found, questions
-        show([_heading(part, questions), _table(found), *_unread(found)])
-        question = questions[0]
-        names = list(dict.fromkeys(getattr(one, question) for one in found))
-        known[question] = click.prompt(
-            f"{question} of {part}", type=click.Choice(names), default=names[0]
-        )
+        known[questions[0]] = _ask(part, questions, found)
 
 
 def _ask_mesh(fits: dict[str, list[Candidate]]) -> str:
@@ -244,10 +239,17 @@ def _ask_mesh(fits: dict[str, list[Candidate]]) -> str:
         return next(iter(fits))
     firsts = {found[0].units: unit for unit, found in fits.items()}
     found = [own[0] for own in fits.values()]
-    show([_heading(found[0].part, ["units"]), _table(found)])
-    names = list(firsts)
-    part = found[0].part
-    return firsts[click.prompt(f"units of {part}", type=click.Choice(names), default=names[0])]
+    return firsts[_ask(found[0].part, ["units"], found)]
+
+
+def _ask(part: str, questions: Sequence[str], found: Sequence[Candidate]) -> str:
+    """The answer to the first question on a table, of those that its candidates give."""
+    show([_heading(part, questions), _table(found), *_unread(found)])
+    names = list(dict.fromkeys(getattr(one, questions[0]) for one in found))
+    answer: str = click.prompt(
+        f"{questions[0]} of {part}", type=click.Choice(names), default=names[0]
+    )
+    return answer
 
 
 def in_terminal() -> bool:

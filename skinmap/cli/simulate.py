@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -381,21 +382,21 @@ def publish_touches(
         sensing=answers,
         seconds=float("inf") if seconds is None else seconds,
     )
-    try:
-        info = source.info
-        with open_publisher(spec, info, topics=(info.kind,), robot=loaded) as publisher:
-            until = "ends by itself" if seconds is not None else "Ctrl-C ends it"
-            click.echo(
-                f"publishing {info.channels} channels of {loaded.name} at {info.rate:g} Hz as "
-                f"{spec}; {until}",
-                err=True,
-            )
-            began = time.perf_counter()
-            _, interrupted = stream(source, publisher)
-            took = time.perf_counter() - began
-            sent = publisher.sent
-    finally:
-        source.close()
+    info = source.info
+    with (
+        closing(source),
+        open_publisher(spec, info, topics=(info.kind,), robot=loaded) as publisher,
+    ):
+        until = "ends by itself" if seconds is not None else "Ctrl-C ends it"
+        click.echo(
+            f"publishing {info.channels} channels of {loaded.name} at {info.rate:g} Hz as "
+            f"{spec}; {until}",
+            err=True,
+        )
+        began = time.perf_counter()
+        _, interrupted = stream(source, publisher)
+        took = time.perf_counter() - began
+        sent = publisher.sent
     played = sent / info.rate
     labels = Counter(touch.label for touch in source.truth if touch.began < played)
     return StreamResult(

@@ -284,18 +284,19 @@ def command(
     given = click.get_current_context().get_parameter_source("per_gesture")
     if given is ParameterSource.COMMANDLINE and chosen not in COUNTED:
         raise click.UsageError(f"--per-gesture is of {', '.join(COUNTED)}; not of {chosen}")
+    own = [*options.pop("own")]
     for name, only in {"sampling": "kaspar", "network": "baxter"}.items():
-        if options[name] and chosen != only:
+        value = options.pop(name)
+        if value and chosen != only:
             raise click.UsageError(f"--{name} is of {only}; not of {chosen}")
+        own[:0] = [f"{name}={value}"] if value else []
     options["seeds"] = options["seeds"] or SEEDS.get(chosen, 5)
     options["variety"] = _variety(chosen, options["variety"])
     evaluation = find_evaluation(chosen)
-    more = [f"{name}={options[name]}" for name in ("sampling", "network") if options[name]]
-    del options["sampling"], options["network"]
-    own = own_settings(evaluation.settings, chosen, (*more, *options.pop("own")))
+    asked = own_settings(evaluation.settings, chosen, own)
     with spread.open(f"evaluate {chosen}") as workers:
         settings = Settings(
-            recordings=files, workers=workers, own=own, pictures=out is not None, **options
+            recordings=files, workers=workers, own=asked, pictures=out is not None, **options
         )
         result = evaluation.work(settings)
     title = f"{result.robot}: evaluation, {result.protocol}"
