@@ -96,12 +96,7 @@ class SeveralTables(click.Command):
 @click.command("new", cls=SeveralTables)
 @click.argument("model", metavar="ROBOT.urdf|MESH", type=PATH)
 @words(
-    TABLES,
-    "tables",
-    "FILE [FILE...]",
-    "Taxel tables, one for each part.",
-    type=PATH,
-    required=True,
+    TABLES, "tables", "FILE [FILE...]", "Taxel tables, one for each part.", type=PATH, required=True
 )
 @choice(
     "--units",

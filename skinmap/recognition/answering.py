@@ -27,11 +27,7 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError, check_known
 from skinmap.recognition.answers import Answer, Answers, HandAnswer, HandWord
 from skinmap.recognition.descriptors import ContactGeometry, Touch
-from skinmap.recognition.prediction_sets import (
-    SetCalibration,
-    folds_of,
-    set_calibration_from,
-)
+from skinmap.recognition.prediction_sets import SetCalibration, folds_of, set_calibration_from
 from skinmap.recognition.rbf_machine import RbfMachine
 from skinmap.touch.contacts.contact_geometry import FEATURES, SIZE, contact_geometry, contact_shape
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES

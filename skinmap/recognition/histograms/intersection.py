@@ -51,10 +51,7 @@ class AdditiveFunction:
     """
 
     def __init__(
-        self,
-        bends: Sequence[FloatArray],
-        slopes: Sequence[FloatArray],
-        intercept: FloatArray,
+        self, bends: Sequence[FloatArray], slopes: Sequence[FloatArray], intercept: FloatArray
     ) -> None:
         self.intercept = np.asarray(intercept, np.float64)
         self.top = int(max((bend[-1] for bend in bends if len(bend)), default=0.0))
