@@ -184,10 +184,8 @@ def baxter_lines(result: results.BaxterResult) -> Iterator[str | Table]:
         f"{result.repeats} splits 70/30; mean of the diagonal in %"
     )
     rows: Rows = []
-    for name in ("bovw", "cnn", "raw_rbf"):
-        method = given(getattr(result, name))
-        if method is None or given(method.missing) is not None:
-            continue
+    methods = _methods(result)
+    for name, method in methods.items():
         for split, one in (("by touch", method), ("plain", method.plain)):
             rows.append([name, split, percent(one.mean), percent(one.min), percent(one.max)])
         if name in result.paper:
@@ -196,12 +194,10 @@ def baxter_lines(result: results.BaxterResult) -> Iterator[str | Table]:
     yield Table(["method", "split", "mean", "min", "max"], rows)
     yield "\nnames of touches (rows) in %: by touch, plain, and in the paper's one plain split"
     rows = []
-    for name in ("bovw", "cnn", "raw_rbf"):
-        table: list[list[float]] = given(getattr(result.confusion, name)) or []
-        method = given(getattr(result, name))
-        plain = given(method.plain) if method else None
-        dealt = (given(plain.confusion) if plain else None) or table
-        for number, label in enumerate(result.confusion.labels[: len(table)]):
+    for name, method in methods.items():
+        table: list[list[float]] = getattr(result.confusion, name)
+        dealt = given(method.plain.confusion) or table
+        for number, label in enumerate(result.confusion.labels):
             right = result.paper.get(name, {}).get(label)
             both = ["", ""] if right is None else [percent(right), percent(1.0 - right)]
             cells = [*table[number], *dealt[number]]
@@ -214,12 +210,10 @@ def baxter_lines(result: results.BaxterResult) -> Iterator[str | Table]:
 def _tuned(result: results.BaxterResult) -> Iterator[str | Table]:
     """What tuning tried on the first split, as Fig. 8 and Table I of the paper have it."""
     beside = "5 folds by touch within the first split, in %; in brackets the paper's"
-    tried = [(row, _beside(row)) for row in _tries(result, "bovw")]
-    if tried:
+    if tried := _tries(result, "bovw"):
         yield f"\naccuracy over K (Fig. 8), {beside}"
         yield Table(["K", "accuracy"], [[row["words"], cell] for row, cell in tried])
-    tried = [(row, _beside(row)) for row in _tries(result, "cnn")]
-    if tried:
+    if tried := _tries(result, "cnn"):
         cells = {(row["learning_rate"], row["epochs"]): cell for row, cell in tried}
         rates, epochs = (sorted({key[axis] for key in cells}) for axis in (0, 1))
         yield f"\naccuracy over learning rate and epochs (Table I), {beside}"
@@ -229,14 +223,19 @@ def _tuned(result: results.BaxterResult) -> Iterator[str | Table]:
         yield Table(["rate", *map(str, epochs)], rows)
 
 
-def _tries(result: results.BaxterResult, name: str) -> list[dict[str, Any]]:
-    method = given(getattr(result, name))
-    return [] if method is None else given(method.tuning) or []
+def _methods(result: results.BaxterResult) -> dict[str, Any]:
+    """Results by method, of those that ran."""
+    found = {name: given(getattr(result, name)) for name in METHODS}
+    return {name: one for name, one in found.items() if one and given(one.missing) is None}
 
 
-def _beside(row: dict[str, Any]) -> str:
-    theirs = f" ({percent(row['paper'])})" if "paper" in row else ""
-    return percent(row["mean"]) + theirs
+def _tries(result: results.BaxterResult, name: str) -> list[tuple[dict[str, Any], str]]:
+    """What tuning tried, each with its accuracy and the paper's."""
+    method = _methods(result).get(name)
+    return [
+        (row, percent(row["mean"]) + (f" ({percent(row['paper'])})" if "paper" in row else ""))
+        for row in (given(method.tuning) if method else None) or []
+    ]
 
 
 EVALUATIONS = {

@@ -13,7 +13,6 @@ places and in five of their own. One image shows the middle of each touch, when 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, check_known
+from skinmap.errors import InvalidArrayError, MissingLibraryError, check_known, warn
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.parallel.run import task_rng
@@ -520,7 +519,7 @@ def evaluate_baxter(
         try:
             runs = run_repeats(baxter_repeat, splits, method=name, **shared)
         except MissingLibraryError as error:
-            warnings.warn(f"{name} is left out: {error}", SkinWarning, stacklevel=2)
+            warn(f"{name} is left out: {error}")
             found[name] = MethodResult(missing=str(error))
             continue
         touches, plain = (_spread(half) for half in (runs[:repeats], runs[-repeats:]))
