@@ -210,22 +210,18 @@ def _settle(
     """Candidates for a table, the choice first, and the open questions."""
     if link is None and table.link in robot.body.links:
         link = table.link
-    known: dict[str, str | None] = {"units": units, "link": link}
+    links = robot.body.visible_links or robot.body.links
+    tried: dict[str, Sequence[str]] = {
+        "units": KNOWN_UNITS if units is None else (units,),
+        "link": links if link is None else (link,),
+    }
     while True:
-        found = candidates(
-            part,
-            table,
-            robot,
-            KNOWN_UNITS if known["units"] is None else (known["units"],),
-            (robot.body.visible_links or robot.body.links)
-            if known["link"] is None
-            else (known["link"],),
-        )
+        found = candidates(part, table, robot, tried["units"], tried["link"])
         questions = unclear(found)
         found = in_question(found, questions)
         if not questions or not in_terminal():
             return found, questions
-        known[questions[0]] = _ask(part, questions, found)
+        tried[questions[0]] = (_ask(part, questions, found),)
 
 
 def _ask_mesh(fits: dict[str, list[Candidate]]) -> str:

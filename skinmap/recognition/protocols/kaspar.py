@@ -128,13 +128,8 @@ def draw_samples(
     some = rng.choice(some, min(BOOK_SAMPLES, len(some)), replace=False)
     index = np.concatenate(chosen)
     labels = np.repeat(list(counts), [len(own) for own in chosen])
-    return SampleSet(
-        recording.pressures[index],
-        labels,
-        recording.events[index],
-        recording.pressures[some],
-        on_skin,
-    )
+    pressures, events = recording.pressures, recording.events
+    return SampleSet(pressures[index], labels, events[index], pressures[some], on_skin)
 
 
 def _play(
@@ -220,12 +215,8 @@ def learn(
     recipe: Recipe, structures: Structures, book: NDArray[np.uint8], *, seed: int, words: int
 ) -> Codebook:
     """A codebook from unlabelled samples (m, n_taxels) of one skin."""
-    return learn_codebook(
-        [(structures, book / COUNTS)],
-        rng=np.random.default_rng(seed),
-        words=words,
-        literal=recipe.literal,
-    )
+    pools, rng = [(structures, book / COUNTS)], np.random.default_rng(seed)
+    return learn_codebook(pools, rng=rng, words=words, literal=recipe.literal)
 
 
 def count_votes(

@@ -352,16 +352,13 @@ def evaluate_physics(
     if len(skins) < 2:
         raise InvalidArrayError(f"leaving parts out needs two parts, got {len(skins)}")
     pairs = mirror_pairs(skins)
-    if len(set(pairs.values())) < 2:
+    firsts = dict.fromkeys(pairs.values())
+    if len(firsts) < 2:
         raise InvalidArrayError("leaving parts out needs two parts that are not mirror images")
     found: list[tuple[str, str, list[Named], FloatArray]] = []
     for seed in seeds:
         touched = _touch(skins, gestures, per_gesture, variety, seed, **who)
-        trainings = [
-            one
-            for part in dict.fromkeys(pairs.values())
-            for one in _trainings(touched, pairs, part)
-        ]
+        trainings = [one for part in firsts for one in _trainings(touched, pairs, part)]
         for names in run_repeats(
             _train_physics, trainings, classifier=classifier, seed=seed, **who
         ):
@@ -558,15 +555,10 @@ def play(
     MissingLibraryError
         MuJoCo is asked for, and not installed.
     """
+    every = {OURS: ((*gestures, *FOUR), per_gesture)}
+    fewer = tuple(gestures), max(2, per_gesture // 4)
     tasks = [
-        Playing(
-            skin,
-            (*gestures, *FOUR) if one == OURS else tuple(gestures),
-            per_gesture if one == OURS else max(2, per_gesture // 4),
-            variety,
-            (seed, row, column),
-            one,
-        )
+        Playing(skin, *every.get(one, fewer), variety, (seed, row, column), one)
         for row, one in enumerate(physics)
         for column, skin in enumerate(skins.values())
     ]
