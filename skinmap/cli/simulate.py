@@ -286,11 +286,10 @@ def work(
     check_suffix(output)
     loaded, names = open_robot(robot, parts)
     wanted = gesture_set(gestures)
-    shared: dict[str, Any] = {"gestures": wanted}
     steps = len(names) * per_gesture * (1 if paired else len(wanted))
     recordings = []
     with staged_file(output) as stage, progress(steps, "simulating") as advance:
-        shared["progress"] = advance
+        shared: dict[str, Any] = {"gestures": wanted, "progress": advance}
         for name, rng in zip(names, np.random.default_rng(seed).spawn(len(names)), strict=True):
             skin = loaded.skin(name)
             answers = draw_sensing(0.0 if variant else variety, rng=rng)

@@ -265,10 +265,7 @@ def judge_load(settings: Settings) -> LoadsResult:
             advance(path.name)
     if settings.predictions is not None:
         names = ("times", "pressure_bar", "low", "high")
-        arrays = {
-            name: np.concatenate(each)
-            for name, each in zip(names, zip(*written, strict=True), strict=True)
-        }
+        arrays = dict(zip(names, map(np.concatenate, zip(*written, strict=True)), strict=True))
         arrays["recording"] = np.repeat(np.arange(len(written)), [len(one[0]) for one in written])
         write_predictions(settings.predictions, arrays)
     return LoadsResult(

@@ -114,7 +114,8 @@ def draw_samples(
         A gesture of which not even a quarter fits the part.
     """
     touches = -(-max(counts.values()) // SAMPLES_A_TOUCH) + BOOK_TOUCHES
-    recording, on_skin = _play(skin.skin, tuple(counts), touches, places, variety, rng)
+    names = np.repeat(list(counts), touches)
+    recording, on_skin = _play(skin.skin, names, places, variety, rng)
     seen = dict.fromkeys(counts, 0)
     rows: dict[str, list[IntArray]] = {name: [] for name in counts}
     book: list[IntArray] = []
@@ -133,12 +134,7 @@ def draw_samples(
 
 
 def _play(
-    skin: Skin,
-    gestures: Sequence[str],
-    touches: int,
-    places: Places,
-    variety: float,
-    rng: np.random.Generator,
+    skin: Skin, names: Names, places: Places, variety: float, rng: np.random.Generator
 ) -> tuple[Recording, float]:
     """So many touches of each gesture; what is larger than the part hangs over its edge.
 
@@ -148,8 +144,8 @@ def _play(
     stage = prepare(skin, rng=rng, sensing=answers, variety=variety)
     people = draw_subjects(SUBJECTS, rng=rng)
     player = Player(stage, rng)
-    shares = {name: list(SHARES) for name in gestures}
-    for name in rng.permutation(np.repeat(gestures, touches)):
+    shares = {name: list(SHARES) for name in np.unique(names)}
+    for name in rng.permutation(names):
         subject = people[int(rng.integers(len(people)))]
         placed = None
         while placed is None and shares[name]:
@@ -235,7 +231,6 @@ FOLDS = 4
 # there: single taxels, and the whole part.
 RADII = (0.0001, 0.0055, 0.008, 0.0095, 0.0115, 0.014, 0.03, 1.0)
 WORD_COUNTS = (2, 4, 8, 16, 32, 64)
-SWEPT = 10  # percent
 KINDS: tuple[FoldKind, ...] = ("plain", "event")
 ROBOT, PART = "kaspar", "right_hand"
 # Tables of the paper: percent, features, classifier and the accuracy of each class [%].
@@ -433,12 +428,7 @@ def sweep_radius_and_words(
 
 
 def sweep_repeat(
-    seed: int,
-    *,
-    skin: PreparedSkin,
-    samples: Mapping[str, int] = SAMPLES,
-    percent: int = SWEPT,
-    variety: float = 0.0,
+    seed: int, *, skin: PreparedSkin, samples: Mapping[str, int], percent: int, variety: float = 0.0
 ) -> list[SweepRow]:
     """Rows of one seed: the same samples and folds for each radius and number of codewords."""
     rng = task_rng(seed)
@@ -532,13 +522,12 @@ def _predict(
     return np.asarray(machine.predict(gram[np.ix_(test, train)]))
 
 
-PERCENT = 10  # of the samples of each patch
 # A patch of which a whole hand covers less than this is touched by something else than a hand.
 ENOUGH_ON_SKIN = 0.4
 
 
 def evaluate_carry_over(
-    skins: Mapping[str, PreparedSkin], *, seeds: Sequence[int], percent: int = PERCENT, **how: Any
+    skins: Mapping[str, PreparedSkin], *, seeds: Sequence[int], percent: int, **how: Any
 ) -> CarryOver:
     """Train on each patch in turn, test on held-out touches of it and on all patches.
 
