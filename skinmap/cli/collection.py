@@ -244,7 +244,7 @@ def _touches(
 ) -> Iterator[Collected]:
     from skinmap.recognition.descriptors import recorded_touches
 
-    several = len(np.unique(recording.subjects)) > 1
+    part, several = recording.part, len(np.unique(recording.subjects)) > 1
     touches = recorded_touches(skin, recording)
     samples = np.arange(len(recording.events))
     # Behind the last sample of a touch before each sample.
@@ -259,14 +259,6 @@ def _touches(
         number = int(recording.subjects[event])
         drawn = several and not recording.people[event]
         person = f"{own}: {SIMULATED} {number}" if drawn else recording.people[event]
-        yield Collected(
-            replace(touch, person=person),
-            robot,
-            recording.part,
-            own,
-            person,
-            file,
-            recording.pressures[max(quiet, start - BEFORE) : start],
-            stretch[:FIRST],
-            drawn,
-        )
+        touch = replace(touch, person=person)
+        before, first = recording.pressures[max(quiet, start - BEFORE) : start], stretch[:FIRST]
+        yield Collected(touch, robot, part, own, person, file, before, first, drawn)

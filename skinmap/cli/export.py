@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, get_args
 
@@ -436,14 +437,9 @@ def export_touched(source: str, parts: tuple[str, ...], output: Path, _: Any) ->
     paths = recordings_of(path)
     robot, names = open_robot(robot_of(paths) or "icub", parts)
     skins = {part: PreparedSkin(robot.skin(part)) for part in names}
+    opened = partial(open_recording, robot=robot, speed=float("inf"))
     with progress(len(paths), "touched") as advance:
-        found = touched_in(
-            paths,
-            robot,
-            skins,
-            lambda one: open_recording(one, robot=robot, speed=float("inf")),
-            progress=advance,
-        )
+        found = touched_in(paths, robot, skins, opened, progress=advance)
     with staged_file(output) as stage:
         stage.write_text(found.csv(), encoding="utf-8")
     return ExportedTouched(
@@ -480,17 +476,13 @@ def export_images(source: str, parts: tuple[str, ...], output: Path, _: Any) -> 
     _check_new(output)
     path = Path(source)
     found = collect([path], None, parts)
-    images, kept = [], []
-    for one in found.touches:
-        held = pressed(one.touch.samples)
-        if len(held):
-            halfway = held[len(held) // 2][None]
-            images.append(paper_images(one.touch.skin.image_geometry, halfway)[0])
-            kept.append(one)
+    held = [(one, pressed(one.touch.samples)) for one in found.touches]
+    halfway = [(one, own[len(own) // 2][None]) for one, own in held if len(own)]
+    kept = [one for one, _ in halfway]
     if not kept:
         raise DataFormatError("no touch is marked in it; `skinmap label` marks touches", path)
     every = LabelledImages(
-        np.stack(images),
+        np.stack([paper_images(one.touch.skin.image_geometry, own)[0] for one, own in halfway]),
         np.array([one.touch.label for one in kept]),
         np.arange(len(kept)),
         np.array([one.part for one in kept]),

@@ -106,9 +106,10 @@ def command(
     if output.suffix.lower() != TABLE and table is None and asks:
         marks = by_keys(marks, track, recording.name)
     if label is not None:
-        said = [label if one.label == UNNAMED else one.label for one in marks.touches]
-        pairs = zip(marks.touches, said, strict=True)
-        marks = Marks(tuple(replace(one, label=word) for one, word in pairs))
+        every = (
+            replace(one, label=label) if one.label == UNNAMED else one for one in marks.touches
+        )
+        marks = Marks(tuple(every))
     named = Marks(tuple(one for one in marks.touches if one.label not in RESERVED))
     if output.suffix.lower() == TABLE:
         with staged_file(output) as stage:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import EntryPoint, entry_points
+from pathlib import Path
 from typing import Any
 
 import click
@@ -38,79 +40,9 @@ class Listing:
 
 
 # A line on each name of the core; of robots and parts it is made.
-ABOUT = {
-    "contact-geometry": "lengths, areas and counts of contacts, RBF machine (the default)",
-    "histogram": "histograms of structures, as in the first paper, made to carry over",
-    "paper": "the first paper to the letter",
-    "raw-rbf": "bare values of one part, RBF machine (for comparison)",
-    "raw-intersection": "bare values of one part, intersection kernel (for comparison)",
-    "histogram-chi2": "histograms, additive chi2 map",
-    "histogram-sqrt": "histograms, square roots",
-    "bovw": "bags of visual words on contact images, as in the second paper",
-    "cnn": "a network on contact images, as in the second paper",
-    "tutte": "each vertex in the middle of its neighbours",
-    "harmonic": "least Dirichlet energy; may flip",
-    "lscm": "conformal, least squares",
-    "bff": "conformal, the border keeps its lengths",
-    "arap": "as rigid as possible",
-    "slim": "least symmetric Dirichlet energy, by libigl",
-    "dirichlet": "least symmetric Dirichlet energy from the best start",
-    "bijective": "no two places of the skin on one place of the map",
-    "fast": "bff",
-    "balanced": "arap (the default)",
-    "accurate": "least symmetric Dirichlet energy, by size of the patch",
-    "auto": "chosen within a budget of time or error",
-    "poke": "one fingertip",
-    "full_finger": "a finger lying flat",
-    "three_finger": "three fingertips",
-    "whole_hand": "a palm with its fingers",
-    "elbow": "a person's elbow",
-    "forearm": "a person's forearm",
-    "ball": "a soft ball",
-    "edge": "the edge of a hand",
-    "cylinder": "a round bar, lying",
-    "several_fingers": "two, four or five fingertips",
-    "grasp": "three or four fingers and the thumb against them",
-    "hard_ball": "a hard ball",
-    "rod": "a thin bar, lying",
-    "ring": "the rim of a cup",
-    "corner": "a corner",
-    "table_edge": "the edge of a table",
-    "plate": "a flat plate",
-    "gripper": "two jaws of a gripper",
-    "link": "another link of a robot",
-    "shoulder": "a person's shoulder",
-    "stroke": "a hand that moves one way",
-    "pat": "a flat hand, again and again",
-    "tap": "a fingertip, again and again",
-    "rub": "to and fro",
-    "slide": "a contact pushed along",
-    "twist": "a contact that turns",
-    "squeeze": "pressed harder and softer",
-    "hold": "still for seconds",
-    "four": "a set: those of the first paper (the default)",
-    "eight": "a set: those of both papers",
-    "all": "a set: eight and cylinder",
-    "hand": "a set: by a hand",
-    "other": "a set: by anything else",
-    "time": "a set: those in time, stroke to hold",
-    "sim": "simulated touches; sim:GESTURE, sim:raw",
-    "lsl": "a stream of LabStreamingLayer, lsl:NAME",
-    "mujoco": "a robot with its skin in MuJoCo, mujoco:FILE",
-    "zenoh": "zenoh:[PORT][/TOPIC]",
-    "zmq": "zmq:PORT or zmq:HOST:PORT",
-    "pressure": "counts, 0 at rest to 255",
-    "raw": "values as the sensors send them",
-    "binary": "touched or not",
-    "structures": "neighbourhoods that repeat",
-    "uncertainty": "error of calibrated places",
-    "distortion": "strain of the flat map",
-    "health": "stuck, noisy, dead or mute taxels",
-    "patches": "connected pieces of skin",
-    "touched": "how often each taxel was touched, in a recording",
-    "changed": "changes of each taxel between check-ups",
-    "difference": "right less left of two that stand side by side (--beside)",
-}
+ABOUT: dict[str, str] = tomllib.loads(
+    Path(__file__).with_suffix(".toml").read_text(encoding="utf-8")
+)
 
 
 def _robots(_: str) -> dict[str, str]:

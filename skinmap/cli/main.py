@@ -22,31 +22,25 @@ from skinmap.errors import SkinError
 from skinmap.interrupts import TerminatedError, interruptible
 from skinmap.report.table import visible
 
-# name: (module, one line for the list); the module holds a click command called `command`.
+# name: (module beside this one, one line for the list); it holds a click command called `command`.
 COMMANDS = {
-    "new": ("skinmap.cli.new", "A manifest for your own robot, from its URDF and taxel tables."),
-    "inspect": (
-        "skinmap.cli.inspect.command",
-        "Check the taxels, modules and fit of a robot's skin.",
-    ),
-    "examine": ("skinmap.cli.examine", "Faults of anyone's recording."),
-    "export": ("skinmap.cli.export", "Taxels or recordings in the formats of others."),
-    "flatten": ("skinmap.cli.flatten", "Flat maps of the skin and what they distort."),
-    "structures": ("skinmap.cli.structures", "Periodic neighbourhood structures of the layout."),
-    "simulate": ("skinmap.cli.simulate", "Simulated touches on the skin, as a recording."),
-    "train": ("skinmap.cli.train", "Train a touch classifier on recordings."),
-    "evaluate": (
-        "skinmap.cli.evaluate.command",
-        "How well classifiers do, by the papers' protocols.",
-    ),
-    "trade": ("skinmap.cli.trade", "Speed against accuracy on your own skin, and a profile."),
-    "record": ("skinmap.cli.record", "Record a live source; a killed process loses 0.2 s."),
-    "label": ("skinmap.cli.label", "Name, split, join and delete the touches of a recording."),
-    "merge": ("skinmap.cli.merge", "Several recordings as one."),
-    "replay": ("skinmap.cli.replay", "Play a recording, and publish it to other programs."),
-    "info": ("skinmap.cli.info", "Describe a recording, or the installation."),
-    "classify": ("skinmap.cli.classify.command", "Name the touches of a recording, or live."),
-    "list": ("skinmap.cli.listing", "Names of robots, parts, classifiers and layers."),
+    "new": ("new", "A manifest for your own robot, from its URDF and taxel tables."),
+    "inspect": ("inspect.command", "Check the taxels, modules and fit of a robot's skin."),
+    "examine": ("examine", "Faults of anyone's recording."),
+    "export": ("export", "Taxels or recordings in the formats of others."),
+    "flatten": ("flatten", "Flat maps of the skin and what they distort."),
+    "structures": ("structures", "Periodic neighbourhood structures of the layout."),
+    "simulate": ("simulate", "Simulated touches on the skin, as a recording."),
+    "train": ("train", "Train a touch classifier on recordings."),
+    "evaluate": ("evaluate.command", "How well classifiers do, by the papers' protocols."),
+    "trade": ("trade", "Speed against accuracy on your own skin, and a profile."),
+    "record": ("record", "Record a live source; a killed process loses 0.2 s."),
+    "label": ("label", "Name, split, join and delete the touches of a recording."),
+    "merge": ("merge", "Several recordings as one."),
+    "replay": ("replay", "Play a recording, and publish it to other programs."),
+    "info": ("info", "Describe a recording, or the installation."),
+    "classify": ("classify.command", "Name the touches of a recording, or live."),
+    "list": ("listing", "Names of robots, parts, classifiers and layers."),
 }
 GROUP = "skinmap.commands"
 OLD_NAMES = {"wiring": "checkup"}  # that answer for one release, and are not listed
@@ -73,7 +67,9 @@ class LazyGroup(NamedGroup):
         """Load one command; None if there is none of that name."""
         cmd_name = OLD_NAMES.get(cmd_name, cmd_name)
         if cmd_name in COMMANDS:
-            command: click.Command = importlib.import_module(COMMANDS[cmd_name][0]).command
+            command: click.Command = importlib.import_module(
+                f"skinmap.cli.{COMMANDS[cmd_name][0]}"
+            ).command
             return command
         for point in entry_points(group=GROUP, name=cmd_name):
             loaded: click.Command = point.load()

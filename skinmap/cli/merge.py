@@ -17,8 +17,6 @@ from skinmap.io.output import staged_file
 from skinmap.report.present import present
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from skinmap.touch.recording import Recording, TrueMotion
 
 APART = 1.0  # seconds between the end of one recording and the beginning of the next
@@ -175,9 +173,10 @@ def join(recordings: Sequence[tuple[str, Recording, float]]) -> Recording:
         count += len(one.labels)
         truth = one.motions or (None,) * len(one.labels)
         motions += [None if true is None else true.shifted(shift) for true in truth]
-    owners = None
-    if any(one.owners is not None for _, one, _ in recordings):
-        owners = np.concatenate([_owners(one) for _, one, _ in recordings])
+    owned = [one.owners for _, one, _ in recordings]
+    nobody = [np.full((len(one.labels), one.pressures.shape[1]), -1) for _, one, _ in recordings]
+    filled = [none if own is None else own for own, none in zip(owned, nobody, strict=True)]
+    owners = None if all(own is None for own in owned) else np.concatenate(filled)
     return Recording(
         first.part,
         np.concatenate([one.times + shift for _, one, shift in recordings]),
@@ -191,14 +190,6 @@ def join(recordings: Sequence[tuple[str, Recording, float]]) -> Recording:
         people=tuple(who for _, one, _ in recordings for who in one.people),
         motions=tuple(motions) if any(motions) else (),
     )
-
-
-def _owners(one: Recording) -> np.ndarray:
-    import numpy as np
-
-    if one.owners is not None:
-        return one.owners
-    return np.full((len(one.labels), one.pressures.shape[1]), -1)
 
 
 def _lines(result: MergeResult) -> Iterator[str]:

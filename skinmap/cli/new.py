@@ -96,12 +96,7 @@ class SeveralTables(click.Command):
 @click.command("new", cls=SeveralTables)
 @click.argument("model", metavar="ROBOT.urdf|MESH", type=PATH)
 @words(
-    TABLES,
-    "tables",
-    "FILE [FILE...]",
-    "Taxel tables, one for each part.",
-    type=PATH,
-    required=True,
+    TABLES, "tables", "FILE [FILE...]", "Taxel tables, one for each part.", type=PATH, required=True
 )
 @choice(
     "--units",
@@ -215,27 +210,18 @@ def _settle(
     """Candidates for a table, the choice first, and the open questions."""
     if link is None and table.link in robot.body.links:
         link = table.link
-    known: dict[str, str | None] = {"units": units, "link": link}
+    links = robot.body.visible_links or robot.body.links
+    tried: dict[str, Sequence[str]] = {
+        "units": KNOWN_UNITS if units is None else (units,),
+        "link": links if link is None else (link,),
+    }
     while True:
-        found = candidates(
-            part,
-            table,
-            robot,
-            KNOWN_UNITS if known["units"] is None else (known["units"],),
-            (robot.body.visible_links or robot.body.links)
-            if known["link"] is None
-            else (known["link"],),
-        )
+        found = candidates(part, table, robot, tried["units"], tried["link"])
         questions = unclear(found)
         found = in_question(found, questions)
         if not questions or not in_terminal():
             return found, questions
-        show([_heading(part, questions), _table(found), *_unread(found)])
-        question = questions[0]
-        names = list(dict.fromkeys(getattr(one, question) for one in found))
-        known[question] = click.prompt(
-            f"{question} of {part}", type=click.Choice(names), default=names[0]
-        )
+        tried[questions[0]] = (_ask(part, questions, found),)
 
 
 def _ask_mesh(fits: dict[str, list[Candidate]]) -> str:
@@ -244,10 +230,17 @@ def _ask_mesh(fits: dict[str, list[Candidate]]) -> str:
         return next(iter(fits))
     firsts = {found[0].units: unit for unit, found in fits.items()}
     found = [own[0] for own in fits.values()]
-    show([_heading(found[0].part, ["units"]), _table(found)])
-    names = list(firsts)
-    part = found[0].part
-    return firsts[click.prompt(f"units of {part}", type=click.Choice(names), default=names[0])]
+    return firsts[_ask(found[0].part, ["units"], found)]
+
+
+def _ask(part: str, questions: Sequence[str], found: Sequence[Candidate]) -> str:
+    """The answer to the first question on a table, of those that its candidates give."""
+    show([_heading(part, questions), _table(found), *_unread(found)])
+    names = list(dict.fromkeys(getattr(one, questions[0]) for one in found))
+    answer: str = click.prompt(
+        f"{questions[0]} of {part}", type=click.Choice(names), default=names[0]
+    )
+    return answer
 
 
 def in_terminal() -> bool:

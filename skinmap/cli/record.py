@@ -137,7 +137,7 @@ def command(
     loads = load_calibrations(calibrations, skins)
     shown = _Shown(output, sys.stderr, named=named)
     loop = None
-    try:
+    with closing(origin), closing(shown):
         for path in continued(output):
             path.unlink()  # of the recording that --force replaces
         dense = tuple(len(loaded.skin(part)) for part in origin.info.parts)
@@ -175,9 +175,6 @@ def command(
                 else:
                     file.unlink(missing_ok=True)
             raise
-    finally:
-        shown.end()
-        origin.close()
     result = RecordResult(
         samples=recorder.counts.written,
         dropped=recorder.counts.dropped,
@@ -267,7 +264,7 @@ class _Shown:
             self._stream.flush()
             self._width = len(line) if self._over else 0
 
-    def end(self) -> None:
+    def close(self) -> None:
         """Wipe the line, where there is one."""
         if self._width:
             self._stream.write("\r" + " " * self._width + "\r")

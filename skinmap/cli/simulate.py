@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -285,11 +286,10 @@ def work(
     check_suffix(output)
     loaded, names = open_robot(robot, parts)
     wanted = gesture_set(gestures)
-    shared: dict[str, Any] = {"gestures": wanted}
     steps = len(names) * per_gesture * (1 if paired else len(wanted))
     recordings = []
     with staged_file(output) as stage, progress(steps, "simulating") as advance:
-        shared["progress"] = advance
+        shared: dict[str, Any] = {"gestures": wanted, "progress": advance}
         for name, rng in zip(names, np.random.default_rng(seed).spawn(len(names)), strict=True):
             skin = loaded.skin(name)
             answers = draw_sensing(0.0 if variant else variety, rng=rng)
@@ -381,21 +381,21 @@ def publish_touches(
         sensing=answers,
         seconds=float("inf") if seconds is None else seconds,
     )
-    try:
-        info = source.info
-        with open_publisher(spec, info, topics=(info.kind,), robot=loaded) as publisher:
-            until = "ends by itself" if seconds is not None else "Ctrl-C ends it"
-            click.echo(
-                f"publishing {info.channels} channels of {loaded.name} at {info.rate:g} Hz as "
-                f"{spec}; {until}",
-                err=True,
-            )
-            began = time.perf_counter()
-            _, interrupted = stream(source, publisher)
-            took = time.perf_counter() - began
-            sent = publisher.sent
-    finally:
-        source.close()
+    info = source.info
+    with (
+        closing(source),
+        open_publisher(spec, info, topics=(info.kind,), robot=loaded) as publisher,
+    ):
+        until = "ends by itself" if seconds is not None else "Ctrl-C ends it"
+        click.echo(
+            f"publishing {info.channels} channels of {loaded.name} at {info.rate:g} Hz as "
+            f"{spec}; {until}",
+            err=True,
+        )
+        began = time.perf_counter()
+        _, interrupted = stream(source, publisher)
+        took = time.perf_counter() - began
+        sent = publisher.sent
     played = sent / info.rate
     labels = Counter(touch.label for touch in source.truth if touch.began < played)
     return StreamResult(

@@ -280,7 +280,7 @@ def work(
     if grouped is not None:
         check_groups(grouped, names)
     motions = check_motions(said, names)
-    extra = _simulated(found, train, with_simulated or 0, rng)
+    extra = _simulated(train, with_simulated or 0, rng)
     with staged_file(output) as stage:
         model = untrained()
         model.fit(train + extra, rng=rng, sets=classifier in WITH_SETS)
@@ -341,7 +341,7 @@ def _split(found: Collection, parts: Sequence[str], rng: Generator) -> Split:
     return split_parts(every, parts or found.parts, rng=rng, by_label=True)
 
 
-def _simulated(found: Collection, train: Touches, count: int, rng: Generator) -> Touches:
+def _simulated(train: Touches, count: int, rng: Generator) -> Touches:
     """Simulated touches of the labels that were recorded, on the skins that are trained on.
 
     Raises

@@ -27,11 +27,7 @@ from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError, check_known
 from skinmap.recognition.answers import Answer, Answers, HandAnswer, HandWord
 from skinmap.recognition.descriptors import ContactGeometry, Touch
-from skinmap.recognition.prediction_sets import (
-    SetCalibration,
-    folds_of,
-    set_calibration_from,
-)
+from skinmap.recognition.prediction_sets import SetCalibration, folds_of, set_calibration_from
 from skinmap.recognition.rbf_machine import RbfMachine
 from skinmap.touch.contacts.contact_geometry import FEATURES, SIZE, contact_geometry, contact_shape
 from skinmap.touch.contacts.motion_features import MOTION_FEATURES
@@ -137,10 +133,6 @@ class HandNetworks:
         share /= share.sum(axis=1, keepdims=True)
         return float(share[:, [one in HAND for one in self.labels.tolist()]].sum(axis=1).mean())
 
-    def to_arrays(self) -> dict[str, NDArray[Any]]:
-        """What a model file keeps."""
-        return {name: getattr(self, name) for name in NETWORKS}
-
 
 @dataclass(eq=False, slots=True)
 class ThreeAnswers:
@@ -200,16 +192,14 @@ class ThreeAnswers:
 
     def to_arrays(self) -> dict[str, NDArray[Any]]:
         """What a model file keeps."""
-        kept = {
-            f"{name}.{key}": array
-            for name, one in self.machines.items()
-            for key, array in (
-                *((f"machine.{k}", v) for k, v in one.machine.to_arrays().items()),
-                *((f"sets.{k}", v) for k, v in (one.sets.to_arrays() if one.sets else {}).items()),
-            )
-        }
-        own = {} if self.networks is None else self.networks.to_arrays()
-        return kept | {f"networks.{name}": array for name, array in own.items()}
+        kept: dict[str, NDArray[Any]] = {}
+        for name, one in self.machines.items():
+            kept |= {f"{name}.machine.{k}": v for k, v in one.machine.to_arrays().items()}
+            if one.sets is not None:
+                kept |= {f"{name}.sets.{k}": v for k, v in one.sets.to_arrays().items()}
+        if self.networks is not None:
+            kept |= {f"networks.{name}": getattr(self.networks, name) for name in NETWORKS}
+        return kept
 
 
 def three_answers_from(arrays: Mapping[str, NDArray[Any]]) -> ThreeAnswers:

@@ -35,9 +35,9 @@ from skinmap.errors import (
     DataFormatError,
     MissingFileError,
     OutputError,
-    SkinWarning,
     UnknownNameError,
     check_kind,
+    warn,
 )
 from skinmap.recognition.catalogue import classifiers
 from skinmap.recognition.prediction_sets import doubt_from, set_calibration_from
@@ -286,11 +286,7 @@ def _warn_of_versions(made_with: dict[str, str], path: Path) -> None:
         if str(made_with.get(name)).split(".")[:2] != have.split(".")[:2]
     ]
     if other:
-        warnings.warn(
-            f"{path}: made with {', '.join(other)}; train again if it behaves oddly",
-            SkinWarning,
-            stacklevel=3,
-        )
+        warn(f"{path}: made with {', '.join(other)}; train again if it behaves oddly", above=1)
 
 
 def foreign_types(found: Iterable[str], estimator: Any) -> list[str]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -164,6 +164,34 @@ def all_right(
     return sorted(truth) == sorted(kinds) and said == truth
 
 
+def named_events(
+    classifier: TouchClassifier, skin: PreparedSkin, recording: Recording, rule: GroupingRule = RULE
+) -> Iterator[tuple[int, NDArray[np.uint8], list[tuple[Named, str]], bool]]:
+    """Name the marked touches of a recording, event by event.
+
+    Yields
+    ------
+    event : int
+    samples : (k, n) uint8
+        What was felt; none (0, n) where nothing was.
+    named : list of (Named, str)
+        Each touch with its recorded label; one of no taxels where nothing was felt.
+    understood : bool
+        As `all_right` has it.
+    """
+    rest, rule = recording.rest(), replace(rule, rate=recording.rate)
+    for event, label, samples in recording.touches():
+        owners = None if recording.owners is None else recording.owners[event]
+        person = recording.people[event]
+        named = name_touches(classifier, skin, samples, rule=rule, rest=rest, person=person)
+        truth = true_labels(named, samples, label, owners)
+        understood = all_right(named, samples, label, owners)
+        if not named:
+            said = not_felt(classifier, skin, samples, rest, person)
+            samples, named, truth = samples[:0], (Named(np.zeros(len(skin), bool), said),), [label]
+        yield event, samples, list(zip(named, truth, strict=True)), understood
+
+
 @dataclass(frozen=True, slots=True)
 class ClassifiedTouch:
     """Name of one recorded touch.
@@ -239,19 +267,11 @@ def classify(
         difference = classifier.difference(skin.skin)
         if not difference.may_go_on:
             raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
-    found = []
-    for one in every:
-        rest, own = one.rest(), replace(rule, rate=one.rate)
-        for event, label, samples in one.touches():
-            owners = None if one.owners is None else one.owners[event]
-            named = name_touches(
-                classifier, skins[one.part], samples, rule=own, rest=rest, person=one.people[event]
-            )
-            said = [touch.prediction for touch in named]
-            said = said or [not_felt(classifier, skins[one.part], samples, rest, one.people[event])]
-            truth = true_labels(named, samples, label, owners) or [label]
-            found += [
-                ClassifiedTouch(one.part, event, number, name.label, name.confidence, recorded)
-                for number, (name, recorded) in enumerate(zip(said, truth, strict=True))
-            ]
-    return found
+    return [
+        ClassifiedTouch(
+            one.part, event, number, said.prediction.label, said.prediction.confidence, recorded
+        )
+        for one in every
+        for event, _, named, _ in named_events(classifier, skins[one.part], one, rule)
+        for number, (said, recorded) in enumerate(named)
+    ]

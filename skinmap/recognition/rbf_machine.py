@@ -91,7 +91,8 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
 
         `near` are their `squares`, if they are known.
         """
-        scores = self._scores(self.squares(rows) if near is None else near)
+        decided = self._decided(self.squares(rows) if near is None else near)
+        scores = decided @ self.worth_.T + self.bias_
         share = np.exp(scores - scores.max(axis=1, keepdims=True))
         return np.asarray(share / share.sum(axis=1, keepdims=True))
 
@@ -143,9 +144,6 @@ class RbfMachine(ClassifierMixin, BaseEstimator):
     @property
     def _pairs(self) -> int:
         return len(self.classes_) * (len(self.classes_) - 1) // 2
-
-    def _scores(self, near: FloatArray) -> FloatArray:
-        return np.asarray(self._decided(near) @ self.worth_.T + self.bias_)
 
     def _train(self, scaled: FloatArray, number: np.ndarray) -> None:
         from sklearn.svm import SVC

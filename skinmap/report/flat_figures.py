@@ -93,8 +93,6 @@ def draw_surface(
     polygons: Sequence[FloatArray] | FloatArray,
     normals: FloatArray,
     colours: FloatArray,
-    *,
-    both_sides: bool = False,
 ) -> None:
     """Draw flat polygons, those behind first, darker where they look aside.
 
@@ -104,12 +102,10 @@ def draw_surface(
     view : View
     polygons : sequence of (k, 3) array of float
     normals : (m, 3) array of float
-        Unit; polygons that look away are left out unless `both_sides`.
+        Unit; polygons that look away are left out.
     colours : (m, 4) array of float
     """
-    from matplotlib.collections import PolyCollection
-
-    seen = np.arange(len(polygons)) if both_sides else np.flatnonzero(normals @ view.out > 0.0)
+    seen = np.flatnonzero(normals @ view.out > 0.0)
     chosen = [polygons[k] for k in seen.tolist()]
     sizes = np.array([len(polygon) for polygon in chosen], np.int64)
     ends = np.cumsum(sizes)
@@ -117,14 +113,14 @@ def draw_surface(
     depth = np.bincount(np.repeat(np.arange(len(chosen)), sizes), places[:, 2]) / sizes
     order = np.argsort(depth, kind="stable")
     paint = shaded(colours[seen], view.project(normals[seen]))
-    axis.add_collection(
-        PolyCollection(
-            [places[ends[k] - sizes[k] : ends[k], :2] for k in order],
-            facecolors=paint[order],
-            edgecolors="face",
-            linewidths=0.2,
-        )
-    )
+    ordered = [places[ends[k] - sizes[k] : ends[k], :2] for k in order]
+    _add_polygons(axis, ordered, facecolors=paint[order], edgecolors="face", linewidths=0.2)
+
+
+def _add_polygons(axis: Any, polygons: Sequence[FloatArray] | FloatArray, **style: Any) -> None:
+    from matplotlib.collections import PolyCollection
+
+    axis.add_collection(PolyCollection(list(polygons), **style))
 
 
 def shaded(colours: FloatArray, normals: FloatArray) -> FloatArray:
@@ -216,7 +212,8 @@ def mesh_figure(mesh: SurfaceMesh) -> Any:
         if len(body) < EDGED:  # a flat skin is one shade: edges and taxels show the mesh
             seen = visible(view, mesh.vertices, mesh.faces, len(mesh.vertices))
             inner = body[normals @ view.out > 0.0]
-            _draw_edges(axis, view.project(inner)[..., :2])
+            style = {"facecolors": "none", "edgecolors": "#8a929b", "linewidths": 0.3}
+            _add_polygons(axis, view.project(inner)[..., :2], **style)
             x, y = view.project(mesh.vertices[seen])[:, :2].T
             axis.plot(x, y, ".", color=BOARD[1], markersize=2.5)
         _frame_body(axis)
@@ -224,14 +221,6 @@ def mesh_figure(mesh: SurfaceMesh) -> Any:
     figure.suptitle(f"{mesh.skin.part}: {len(mesh.skin):,} taxels, {len(mesh.faces):,} triangles",
                     fontsize=11)  # fmt: skip
     return figure
-
-
-def _draw_edges(axis: Any, triangles: FloatArray) -> None:
-    from matplotlib.collections import PolyCollection
-
-    axis.add_collection(
-        PolyCollection(list(triangles), facecolors="none", edgecolors="#8a929b", linewidths=0.3)
-    )
 
 
 def _disc_figure(mesh: SurfaceMesh, places: FloatArray, words: str) -> Any:
@@ -320,12 +309,8 @@ def draw_flat(
     axis: Any, polygons: Sequence[FloatArray] | FloatArray, colours: FloatArray, *, edged: bool
 ) -> None:
     """Draw m polygons (k, 2) in colours (m, 4)."""
-    from matplotlib.collections import PolyCollection
-
     edge = "white" if edged else "face"
-    axis.add_collection(
-        PolyCollection(list(polygons), facecolors=colours, edgecolors=edge, linewidths=0.25)
-    )
+    _add_polygons(axis, polygons, facecolors=colours, edgecolors=edge, linewidths=0.25)
 
 
 def _draw_flat_seams(axis: Any, charts: Sequence[Chart], factor: float) -> None:

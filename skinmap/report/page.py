@@ -72,22 +72,7 @@ def media(path: Path, what: str) -> str:
     return f"<img alt='{escape(what)}' src='{data}'>"
 
 
-STYLE = """
-body { font: 16px/1.5 system-ui, sans-serif; color: #1d2733; margin: 2rem auto; max-width: 74rem;
-       padding: 0 1rem; }
-h1 { margin-bottom: 0.2rem; } h2 { margin-top: 2.4rem; border-bottom: 1px solid #d5dbe1; }
-img, video { max-width: 100%; } .note { color: #5b6773; }
-.ok { color: #00795c; } .look { color: #b04a00; }
-div.wide { overflow-x: auto; }
-table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
-th, td { padding: 0.2rem 0.8rem; text-align: right; border-bottom: 1px solid #e3e7eb; }
-td { white-space: nowrap; } th.text, td.text { text-align: left; } td.text { white-space: normal; }
-.cards { display: flex; flex-wrap: wrap; gap: 1rem; }
-.card { background: #f3f6f9; border-radius: 6px; padding: 0.6rem 1rem; }
-.card b { display: block; font-size: 1.5rem; }
-.grid { display: grid; grid-template-columns: repeat(auto-fill, minmax(30rem, 1fr)); gap: 1rem; }
-@media (max-width: 40rem) { .grid { grid-template-columns: 1fr; } table { font-size: 0.8rem; } }
-"""
+STYLE = Path(__file__).with_suffix(".css").read_text(encoding="utf-8")
 
 
 def page(title: str, sections: Iterable[str]) -> str:

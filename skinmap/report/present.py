@@ -18,10 +18,7 @@ from skinmap.report.table import Table, visible
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
-    R = TypeVar("R", bound=DataclassInstance)
-else:
-    R = TypeVar("R")
-
+R = TypeVar("R", bound="DataclassInstance")
 PAGE, REFUSED_PAGE = "report.html", "refused.html"
 Number = Callable[[float], float]
 Write = Callable[[Path], Iterable[str]]

@@ -198,12 +198,9 @@ def _map(piece: Piece, setting: Setting) -> FlatMap:
     meshing = str(setting.get("meshing", DEFAULT_MESHING))
     skin, body = piece
     mesh = build_surface(skin, method=meshing, body=body if meshing == "accurate" else None)
-    iterations = setting.get("iterations", "own")
-    return flatten(
-        mesh,
-        method=str(setting.get("method", DEFAULT_METHOD)),
-        iterations=None if iterations == "own" else int(iterations),
-    )
+    given = setting.get("iterations", "own")
+    iterations = None if given == "own" else int(given)
+    return flatten(mesh, method=str(setting.get("method", DEFAULT_METHOD)), iterations=iterations)
 
 
 def edge_rms(maps: Sequence[FlatMap]) -> float:

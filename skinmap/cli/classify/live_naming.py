@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
-from contextlib import closing
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import Any
 
@@ -49,16 +49,8 @@ from skinmap.live.sources.source import Counts, SourceEnded, is_live
 from skinmap.live.touched_taxels import LEARN
 from skinmap.recognition.answering import lacking
 from skinmap.recognition.classifier import Prediction, TouchClassifier
-from skinmap.recognition.naming import (
-    FINGERTIP,
-    all_right,
-    in_words,
-    name_touches,
-    not_felt,
-    true_labels,
-)
+from skinmap.recognition.naming import FINGERTIP, in_words, named_events
 from skinmap.report.present import emit_line, object_of
-from skinmap.touch.contacts.grouping import GroupingRule
 from skinmap.touch.contacts.motion_features import MM, MOTION_FEATURES, motion_features
 from skinmap.touch.contacts.rest import ENOUGH, Rest
 from skinmap.touch.load_calibration import LoadCalibration
@@ -99,7 +91,8 @@ def classify_live(
     # A recording that nobody follows is named as fast as it goes.
     speed = float("inf") if Path(spec).exists() and not publish else 1.0
     loaded, source = open_stream(spec, robot, parts, seed=seed, speed=speed)
-    try:
+    with ExitStack() as opened:
+        opened.enter_context(closing(source))
         skins = {part: PreparedSkin(loaded.skin(part)) for part in source.info.parts}
         followed = is_live(source)
         loop = TouchLoop(
@@ -107,7 +100,7 @@ def classify_live(
             source,
             classifier=classifier,
             responses=load_responses(responses, skins),
-            calibrations=load_calibrations(calibrations, skins) if calibrations else {},
+            calibrations=load_calibrations(calibrations, skins),
             parts=chosen,
             skins=skins,
             singly=not followed,  # so that it ends at the very sample
@@ -118,18 +111,13 @@ def classify_live(
                 loop.learn_rest(ahead, LEARN)
         _note(classifier, loop.skins)
         run = _Run(loop, spec, classifier.name, paced=np.isfinite(speed), as_json=as_json)
-        publishers = _publish(loop, publish)
-    except BaseException:
-        source.close()
-        raise
-    try:
-        run.until(seconds)
-    except KeyboardInterrupt:
-        click.echo("interrupted", err=True)
-    finally:
-        loop.close()
-        for publisher in publishers:
-            publisher.close()
+        for one in publish:
+            publisher = open_publisher(one, loop.dense_info(), robot=loaded, speed=source.speed)
+            loop.subscribe(opened.enter_context(publisher).send)
+        try:
+            run.until(seconds)
+        except KeyboardInterrupt:
+            click.echo("interrupted", err=True)
     run.summarise()
 
 
@@ -296,24 +284,6 @@ def _passed(run: _Run, started: float) -> float:
     return max(wall, stream if stream == stream else 0.0)
 
 
-def _publish(loop: TouchLoop, specs: Sequence[str]) -> list[Any]:
-    """Publishers of the moments, each a subscriber of the loop."""
-    if not specs:
-        return []
-
-    found: list[Any] = []
-    try:
-        for spec in specs:
-            info, speed = loop.dense_info(), loop.source.speed
-            found.append(open_publisher(spec, info, robot=loop.robot, speed=speed))
-            loop.subscribe(found[-1].send)
-    except BaseException:
-        for publisher in found:
-            publisher.close()
-        raise
-    return found
-
-
 def _note(
     classifier: TouchClassifier,
     skins: Mapping[str, PreparedSkin],
@@ -430,23 +400,12 @@ def _name_events(
     weigh: Callable[[int, BoolArray], ContactLoad | None],
 ) -> tuple[list[NamedRow], int]:
     """A row for each touch of each event, and how many events were understood in full."""
-    step = np.diff(recording.times)
-    rate = 1.0 / float(np.median(step)) if len(step) and np.median(step) > 0 else 50.0
-    rule = GroupingRule(rate=rate)
-    rows = []
-    right = 0
-    rest, book = recording.rest(), MotionBook(JoinedSkin({recording.part: skin}))
-    for event, label, samples in recording.touches():
-        owners = None if recording.owners is None else recording.owners[event]
-        person = recording.people[event]
-        named = name_touches(classifier, skin, samples, rule=rule, rest=rest, person=person)
-        right += all_right(named, samples, label, owners)
-        truth = true_labels(named, samples, label, owners) or [label]
-        found = [(one.taxels, one.prediction) for one in named]
-        if not named:
-            said = not_felt(classifier, skin, samples, rest, person)
-            samples, found = samples[:0], [(np.zeros(len(skin), bool), said)]
-        for number, ((taxels, said), recorded) in enumerate(zip(found, truth, strict=True)):
+    rows, right = [], 0
+    book = MotionBook(JoinedSkin({recording.part: skin}))
+    for event, samples, named, understood in named_events(classifier, skin, recording):
+        right += understood
+        for number, (touch, recorded) in enumerate(named):
+            taxels, said = touch.taxels, touch.prediction
             answers: dict[str, Any] = {one: getattr(said.answers, one, None) for one in THREE}
             row = NamedRow(
                 part=recording.part,
@@ -458,8 +417,8 @@ def _name_events(
                 recorded_label=recorded,
                 **answers,
                 channels=skin.skin.channels[taxels].tolist(),
-                load=weigh(event, taxels) if named else None,
-                **_motion(skin, book, samples, taxels, rate),
+                load=weigh(event, taxels) if taxels.any() else None,
+                **_motion(skin, book, samples, taxels, recording.rate),
             )
             rows.append(row)
     return rows, right

@@ -47,29 +47,17 @@ if TYPE_CHECKING:
     from skinmap.parallel.workers import Workers
     from skinmap.recognition.protocols.recordings import Way
 
-PROTOCOLS = (
-    "kaspar",
-    "baxter",
-    "cross-patch",
-    "physics",
-    "time",
-    "fingers",
-    "hands",
-    "prints",
-    "force",
-    "load",
-)
+PROTOCOLS = {  # and the modules that they share
+    "kaspar": "papers", "baxter": "papers", "cross-patch": "simulated", "physics": "simulated",
+    "time": "simulated", "fingers": "real", "hands": "real", "prints": "real", "force": "force",
+    "load": "force",
+}  # fmt: skip
 ON_DATA = {  # protocols of files that users bring: how many, and their names
     "fingers": (1, 1, "its file or folder"),
     "hands": (1, 1, "its file or folder"),
     "prints": (2, 2, "TRAIN.npz TEST.npz"),
     "load": (2, 1000, "MODEL RECORDING..."),
 }
-# Protocols that share a module.
-HOMES = dict.fromkeys(("kaspar", "baxter"), "papers")
-HOMES |= dict.fromkeys(("cross-patch", "physics", "time"), "simulated")
-HOMES |= dict.fromkeys(("fingers", "hands", "prints"), "real") | {"load": "force"}
-
 Rows = list[list[Cell]]
 
 
@@ -152,7 +140,7 @@ class Evaluation:
 
 def find_evaluation(name: str) -> Evaluation:
     """That of a protocol, or of `recordings`."""
-    module = f"skinmap.cli.evaluate.protocol_{HOMES.get(name, name)}"
+    module = f"skinmap.cli.evaluate.protocol_{PROTOCOLS.get(name, name)}"
     found: Evaluation = importlib.import_module(module).EVALUATIONS[name]
     return found
 
@@ -296,18 +284,19 @@ def command(
     given = click.get_current_context().get_parameter_source("per_gesture")
     if given is ParameterSource.COMMANDLINE and chosen not in COUNTED:
         raise click.UsageError(f"--per-gesture is of {', '.join(COUNTED)}; not of {chosen}")
+    own = [*options.pop("own")]
     for name, only in {"sampling": "kaspar", "network": "baxter"}.items():
-        if options[name] and chosen != only:
+        value = options.pop(name)
+        if value and chosen != only:
             raise click.UsageError(f"--{name} is of {only}; not of {chosen}")
+        own[:0] = [f"{name}={value}"] if value else []
     options["seeds"] = options["seeds"] or SEEDS.get(chosen, 5)
     options["variety"] = _variety(chosen, options["variety"])
     evaluation = find_evaluation(chosen)
-    more = [f"{name}={options[name]}" for name in ("sampling", "network") if options[name]]
-    del options["sampling"], options["network"]
-    own = own_settings(evaluation.settings, chosen, (*more, *options.pop("own")))
+    asked = own_settings(evaluation.settings, chosen, own)
     with spread.open(f"evaluate {chosen}") as workers:
         settings = Settings(
-            recordings=files, workers=workers, own=own, pictures=out is not None, **options
+            recordings=files, workers=workers, own=asked, pictures=out is not None, **options
         )
         result = evaluation.work(settings)
     title = f"{result.robot}: evaluation, {result.protocol}"

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray
-from skinmap.cli.evaluate.command import Evaluation, Own, Rows, Settings, write_predictions
+from skinmap.cli.evaluate.command import Evaluation, Own, Settings, write_predictions
 from skinmap.clock_lines import UNEXPLAINED, align, reference_at
 from skinmap.commands.options import open_robot
 from skinmap.commands.progress import progress
@@ -114,7 +114,7 @@ def press_part(prepared: PreparedSkin, seed: tuple[int, ...], *, count: int) -> 
     skin, variant = prepared.skin, find_variant(FROZEN)
     ground = make_ground(skin, variant, rng=rng)
     sensors = Sensors(skin, Sensing(), rng=rng)
-    slope, spread = in_chamber(ground, sensors, rng)
+    calibrated = in_chamber(ground, sensors, rng)
     forces = PartForces(prepared, ~sensors.dead)
     people = draw_people(PEOPLE, variant, rng=rng)
     rest, found = np.zeros((EACH, len(skin))), []
@@ -127,8 +127,8 @@ def press_part(prepared: PreparedSkin, seed: tuple[int, ...], *, count: int) -> 
             pressed = press_place(ground, place, person, rate=sensors.sensing.rate, rng=rng)
             zero = sensors.read(rest, rng=rng).mean(axis=0)
             counts = sensors.read(taxel_loads(ground, pressed), rng=rng).astype(np.float64)
-            one = partial(_judge, skin.part, body, pressed, ground.bed.area)
-            found.append(one(counts, zero, slope, spread, forces))
+            answer = _judge(pressed, ground.bed.area, counts, zero, calibrated, forces)
+            found.append(Judged(skin.part, body, *answer))
     return found
 
 
@@ -149,17 +149,15 @@ def in_chamber(
 
 
 def _judge(
-    part: str,
-    body: str,
     pressed: Pressed,
     cell: float,
     counts: FloatArray,
     zero: FloatArray,
-    slope: FloatArray,
-    spread: FloatArray,
+    calibrated: tuple[FloatArray, FloatArray],
     forces: PartForces,
-) -> Judged:
-    """Our answer at the heaviest moment within range, which the readings alone choose."""
+) -> tuple[Any, ...]:
+    """`Judged` at the heaviest moment within range, which the readings alone choose."""
+    slope, spread = calibrated
     inside: BoolArray = np.asarray((counts < SATURATED).all(axis=1))
     sums = np.where(inside, counts.sum(axis=1), -1.0)
     moment = int(sums.argmax())
@@ -171,8 +169,7 @@ def _judge(
     whole = bool(inside[int(pressed.forces.argmax())])
     truth, push = float(pressed.forces[moment]), pressed.vectors[moment]
     if answer.refused or truth <= 0.0:
-        nan = float("nan")
-        return Judged(part, body, truth, nan, nan, nan, nan, nan, nan, nan, nan, whole)
+        return truth, *[float("nan")] * 8, whole
     cosine = -answer.normal @ push / max(float(np.linalg.norm(push)), 1e-12)
     away = float(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
     force, low, high = answer.force
@@ -182,7 +179,7 @@ def _judge(
     found = find_contacts(forces.skin.geometry, np.maximum(above, 0.0))
     bounds = sum(one.area_least for one in found) <= covered <= sum(one.area for one in found)
     judged = abs(area / covered - 1.0), float(least <= covered <= most), float(bounds)
-    return Judged(part, body, truth, force, low, high, plain, away, *judged, whole)
+    return truth, force, low, high, plain, away, *judged, whole
 
 
 def row(name: str, judged: Sequence[Judged]) -> ForceRow:
@@ -268,10 +265,7 @@ def judge_load(settings: Settings) -> LoadsResult:
             advance(path.name)
     if settings.predictions is not None:
         names = ("times", "pressure_bar", "low", "high")
-        arrays = {
-            name: np.concatenate(each)
-            for name, each in zip(names, zip(*written, strict=True), strict=True)
-        }
+        arrays = dict(zip(names, map(np.concatenate, zip(*written, strict=True)), strict=True))
         arrays["recording"] = np.repeat(np.arange(len(written)), [len(one[0]) for one in written])
         write_predictions(settings.predictions, arrays)
     return LoadsResult(
@@ -350,19 +344,15 @@ def loads_lines(result: LoadsResult) -> Iterator[str | Table]:
         "come from the samples and the calibration alone"
     )
 
-    def words(value: float | None) -> str:
-        return "none" if value is None else f"{value:.3f}"
-
-    rows: Rows = [
-        [
-            row.recording, words(row.rms_bar), percent(row.holds), words(row.width_bar),
-            percent(row.refused), row.answered,
-            _zero_words(row),
-        ]
-        for row in result.rows
-    ]  # fmt: skip
-    heads = ["recording", "error [bar]", "inside 90 % [%]", "width [bar]", "refused [%]"]
-    yield Table([*heads, "taxels that answer", "zero"], rows)
+    table = Table.of(
+        LoadRow,
+        result.rows,
+        "recording rms_bar:.3f=error_[bar] holds:%=inside_90_%_[%] width_bar:.3f=width_[bar] "
+        "refused:%=refused_[%] answered=taxels_that_answer",
+    )
+    zeros = map(_zero_words, result.rows)
+    rows = [[*cells, zero] for cells, zero in zip(table.rows, zeros, strict=True)]
+    yield Table([*table.columns, "zero"], rows)
     for row in result.rows:
         if row.reason:
             yield f"{row.recording}: not judged: {row.reason}"

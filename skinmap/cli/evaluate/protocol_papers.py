@@ -16,10 +16,8 @@ from msgspec import Meta
 from skinmap.cli.evaluate.command import Evaluation, Own, Rows, Settings
 from skinmap.commands.options import MAX_TOUCHES, open_robot
 from skinmap.io.recordings.image_files import read_images
-from skinmap.recognition.protocols import kaspar
+from skinmap.recognition.protocols import kaspar, results
 from skinmap.recognition.protocols.baxter import METHODS, ImageSet, evaluate_baxter, given_images
-from skinmap.recognition.protocols.kaspar import evaluate_carry_over
-from skinmap.recognition.protocols.results import BaxterResult, CarrySummary, KasparResult, SweepRow
 from skinmap.report.page import plain_figure, save_figure
 from skinmap.report.result import given
 from skinmap.report.table import Table
@@ -36,7 +34,7 @@ class Kaspar(Own):
     sweep: bool = False
 
 
-def judge_kaspar(settings: Settings) -> KasparResult:
+def judge_kaspar(settings: Settings) -> results.KasparResult:
     """Run the protocol."""
     if settings.names:
         raise click.UsageError("--protocol kaspar has its own classifiers: no --classifier")
@@ -55,11 +53,11 @@ def judge_kaspar(settings: Settings) -> KasparResult:
     with settings.working((3 if sweeps else 2) * settings.seeds, "kaspar") as who:
         shared = {**settings.drawn, **who, "samples": kaspar.SAMPLES}
         table = kaspar.evaluate_kaspar(skins[part], percents=kaspar.PERCENTS, **chosen, **shared)
-        carry_over = evaluate_carry_over(skins, percent=most, **shared)
+        carry_over = kaspar.evaluate_carry_over(skins, percent=most, **shared)
         swept = []
         if sweeps:
             swept = kaspar.sweep_radius_and_words(skins[part], percent=most, **shared)
-    return KasparResult(
+    return results.KasparResult(
         robot=loaded.name,
         part=part,
         taxels=len(skins[part]),
@@ -74,7 +72,7 @@ def judge_kaspar(settings: Settings) -> KasparResult:
     )
 
 
-def kaspar_lines(result: KasparResult) -> Iterator[str | Table]:
+def kaspar_lines(result: results.KasparResult) -> Iterator[str | Table]:
     """The tables of a result."""
     yield (
         f"{result.robot} {result.part}, {result.taxels} taxels, {len(result.seeds)} seeds, "
@@ -93,15 +91,11 @@ def kaspar_lines(result: KasparResult) -> Iterator[str | Table]:
     how = {"random": "drawn at random", "paper": "every 50th and every 10th, as published"}
     drawn = how[given(result.sampling) or "random"]
     yield f"\nhistograms ahead of raw values (RBF SVM) in points; samples {drawn}"
-    rows = [
-        [f"{row.percent} %", row.folds, row.features, f"{row.points:.1f}",
-         "" if row.paper is None else f"{row.paper:.1f}"]
-        for row in given(result.margins) or []
-    ]  # fmt: skip
-    yield Table(["percent", "folds", "features", "margin", "the paper's"], rows)
+    shown = "percent folds features points:.1f=margin paper:.1f=the_paper's"
+    yield Table.of(results.MarginRow, given(result.margins) or [], shown)
     yield "\ncarry-over between patches with other numbers of taxels, 10 %, by event"
     shown = "features same:%=same_patch other:%=other_patches worst:% worst_pair"
-    yield Table.of(CarrySummary, result.carry_over.summary, shown)
+    yield Table.of(results.CarrySummary, result.carry_over.summary, shown)
     if result.sweep:
         yield "\nradius and codewords a structure, 10 %, by event"
         words, radii, cells = swept(result)
@@ -112,7 +106,7 @@ def kaspar_lines(result: KasparResult) -> Iterator[str | Table]:
         yield Table(["r [mm]", "structures", *(f"k = {k}" for k in words)], rows)
 
 
-def sweep_figure(result: KasparResult, path: Path) -> None:
+def sweep_figure(result: results.KasparResult, path: Path) -> None:
     """Accuracy over radius and codewords, a number in each cell."""
     words, radii, cells = swept(result)
     rows = [[cells[r, k] for k in words] for r in radii]
@@ -134,7 +128,9 @@ def sweep_figure(result: KasparResult, path: Path) -> None:
     save_figure(figure, path)
 
 
-def swept(result: KasparResult) -> tuple[list[int], list[float], dict[tuple[float, int], SweepRow]]:
+def swept(
+    result: results.KasparResult,
+) -> tuple[list[int], list[float], dict[tuple[float, int], results.SweepRow]]:
     """Numbers of codewords, radii, and the row of each pair."""
     words = list(dict.fromkeys(row.words for row in result.sweep))
     radii = list(dict.fromkeys(row.radius_mm for row in result.sweep))
@@ -148,7 +144,7 @@ class Baxter(Own):
     network: Literal["small", "paper"] = "small"
 
 
-def judge_baxter(settings: Settings) -> BaxterResult:
+def judge_baxter(settings: Settings) -> results.BaxterResult:
     """Run the protocol."""
     subject: PreparedSkin | ImageSet
     # `raw-rbf` is the name of that classifier elsewhere.
@@ -180,7 +176,7 @@ def judge_baxter(settings: Settings) -> BaxterResult:
         )
 
 
-def baxter_lines(result: BaxterResult) -> Iterator[str | Table]:
+def baxter_lines(result: results.BaxterResult) -> Iterator[str | Table]:
     """The tables of a result."""
     where = f"{result.robot} {result.part}, " if result.part else ""
     yield (
@@ -188,10 +184,8 @@ def baxter_lines(result: BaxterResult) -> Iterator[str | Table]:
         f"{result.repeats} splits 70/30; mean of the diagonal in %"
     )
     rows: Rows = []
-    for name in ("bovw", "cnn", "raw_rbf"):
-        method = given(getattr(result, name))
-        if method is None or given(method.missing) is not None:
-            continue
+    methods = _methods(result)
+    for name, method in methods.items():
         for split, one in (("by touch", method), ("plain", method.plain)):
             rows.append([name, split, percent(one.mean), percent(one.min), percent(one.max)])
         if name in result.paper:
@@ -200,12 +194,10 @@ def baxter_lines(result: BaxterResult) -> Iterator[str | Table]:
     yield Table(["method", "split", "mean", "min", "max"], rows)
     yield "\nnames of touches (rows) in %: by touch, plain, and in the paper's one plain split"
     rows = []
-    for name in ("bovw", "cnn", "raw_rbf"):
-        table: list[list[float]] = given(getattr(result.confusion, name)) or []
-        method = given(getattr(result, name))
-        plain = given(method.plain) if method else None
-        dealt = (given(plain.confusion) if plain else None) or table
-        for number, label in enumerate(result.confusion.labels[: len(table)]):
+    for name, method in methods.items():
+        table: list[list[float]] = getattr(result.confusion, name)
+        dealt = given(method.plain.confusion) or table
+        for number, label in enumerate(result.confusion.labels):
             right = result.paper.get(name, {}).get(label)
             both = ["", ""] if right is None else [percent(right), percent(1.0 - right)]
             cells = [*table[number], *dealt[number]]
@@ -215,15 +207,13 @@ def baxter_lines(result: BaxterResult) -> Iterator[str | Table]:
     yield from _tuned(result)
 
 
-def _tuned(result: BaxterResult) -> Iterator[str | Table]:
+def _tuned(result: results.BaxterResult) -> Iterator[str | Table]:
     """What tuning tried on the first split, as Fig. 8 and Table I of the paper have it."""
     beside = "5 folds by touch within the first split, in %; in brackets the paper's"
-    tried = [(row, _beside(row)) for row in _tries(result, "bovw")]
-    if tried:
+    if tried := _tries(result, "bovw"):
         yield f"\naccuracy over K (Fig. 8), {beside}"
         yield Table(["K", "accuracy"], [[row["words"], cell] for row, cell in tried])
-    tried = [(row, _beside(row)) for row in _tries(result, "cnn")]
-    if tried:
+    if tried := _tries(result, "cnn"):
         cells = {(row["learning_rate"], row["epochs"]): cell for row, cell in tried}
         rates, epochs = (sorted({key[axis] for key in cells}) for axis in (0, 1))
         yield f"\naccuracy over learning rate and epochs (Table I), {beside}"
@@ -233,14 +223,19 @@ def _tuned(result: BaxterResult) -> Iterator[str | Table]:
         yield Table(["rate", *map(str, epochs)], rows)
 
 
-def _tries(result: BaxterResult, name: str) -> list[dict[str, Any]]:
-    method = given(getattr(result, name))
-    return [] if method is None else given(method.tuning) or []
+def _methods(result: results.BaxterResult) -> dict[str, Any]:
+    """Results by method, of those that ran."""
+    found = {name: given(getattr(result, name)) for name in METHODS}
+    return {name: one for name, one in found.items() if one and given(one.missing) is None}
 
 
-def _beside(row: dict[str, Any]) -> str:
-    theirs = f" ({percent(row['paper'])})" if "paper" in row else ""
-    return percent(row["mean"]) + theirs
+def _tries(result: results.BaxterResult, name: str) -> list[tuple[dict[str, Any], str]]:
+    """What tuning tried, each with its accuracy and the paper's."""
+    method = _methods(result).get(name)
+    return [
+        (row, percent(row["mean"]) + (f" ({percent(row['paper'])})" if "paper" in row else ""))
+        for row in (given(method.tuning) if method else None) or []
+    ]
 
 
 EVALUATIONS = {

@@ -74,8 +74,7 @@ def judge_fingers(settings: Settings) -> FingersResult:
     """
     data, skin, facts = pressed_skin(settings, ARCHIVE, FOLDER)
     classes = protocol.check_fingers(finger_counts(data, facts["archive"]))
-    pairs: dict[str, list[CountRow]] = {"live": [], "chosen": [], "trained": []}
-    regions, numbers = None, []
+    regions, numbers, counted = None, [], []
     with progress(2 * (2 + settings.seeds * protocol.REGIONS), "fingers") as advance:
         for first in (None, protocol.FIRST):
             found = protocol.describe(skin, data.files, first=first)
@@ -86,21 +85,21 @@ def judge_fingers(settings: Settings) -> FingersResult:
             numbers.append(names)
             trees = protocol.trained(found, classes, regions, settings.all_seeds, advance)
             every = np.ones(len(classes), bool)
-            live = [tracked(skin, data, first=first)]
-            contacts = protocol.judge("live contacts", live, [every], classes)
+            seen = [tracked(skin, data, first=first)]
+            contacts = protocol.judge("live contacts", seen, [every], classes)
             advance("tracked")
-            for key, one in zip(pairs, (contacts, number, trees), strict=True):
-                pairs[key].append(one)
+            counted.append((contacts, number, trees))
+    live, chosen, trained = (_row(*pair) for pair in zip(*counted, strict=True))
     return FingersResult(
         **facts,
         recordings={str(k): int((classes == k).sum()) for k in np.unique(classes).tolist()},
         majority=float(np.unique(classes, return_counts=True)[1].max() / len(classes)),
         seeds=settings.all_seeds,
         first_samples=protocol.FIRST,
-        live=_row(*pairs["live"]),
-        chosen=_row(*pairs["chosen"]),
+        live=live,
+        chosen=chosen,
         chosen_numbers=numbers[0],
-        trained=_row(*pairs["trained"]),
+        trained=trained,
     )
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from skinmap.cli.collection import Collected, Collection, collect
-from skinmap.cli.evaluate.command import Evaluation, Folds, Rows, Settings, chosen_gestures
+from skinmap.cli.evaluate.command import Evaluation, Folds, Settings, chosen_gestures
 from skinmap.errors import InvalidArrayError, check_known
 from skinmap.recognition.classifier import DEFAULT, classifiers
 from skinmap.recognition.protocols.folds import run_repeats
@@ -20,10 +20,8 @@ from skinmap.recognition.protocols.recordings import (
     places_of,
     run_left_out,
 )
-from skinmap.recognition.protocols.results import LeftOutRow, RecordingsResult
-from skinmap.report.result import given
+from skinmap.recognition.protocols.results import AccuracyRow, LeftOutRow, RecordingsResult
 from skinmap.report.table import Table
-from skinmap.rows import by_class, percent
 from skinmap.touch.recording import JOIN
 
 
@@ -121,18 +119,8 @@ def lines(result: RecordingsResult) -> Iterator[str | Table]:
     """The tables of a result."""
     touches = ", ".join(f"{count} {name}" for name, count in result.touches.items())
     yield f"{touches} on {', '.join(result.parts)}; {result.folds} folds; in %"
-    classes = list(result.touches)
-    rows: Rows = [
-        [
-            row.classifier,
-            row.folds,
-            *by_class(row, classes),
-            percent(row.mean),
-            None if len(result.seeds) < 2 else percent(given(row.std)),
-        ]
-        for row in result.table
-    ]
-    yield Table(["classifier", "folds", *classes, "mean", "std"], rows)
+    shown = "classifier folds per_class mean:%" + " std:%" * (len(result.seeds) > 1)
+    yield Table.of(AccuracyRow, result.table, shown, classes=list(result.touches))
     if result.left_out:
         yield from _left_out(result)
     for leak in result.leak:

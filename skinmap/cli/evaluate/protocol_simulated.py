@@ -25,27 +25,7 @@ from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.physics.pressing import import_mujoco
 from skinmap.physics.variants import DEFAULT, FROZEN, TUNING, VARIANTS
-from skinmap.recognition.protocols import transfer
-from skinmap.recognition.protocols.results import (
-    CrossPatchResult,
-    PatchesRow,
-    PhysicsResult,
-    PhysicsRow,
-    SeenRow,
-    StrokesRow,
-    TimeResult,
-)
-from skinmap.recognition.protocols.transfer import (
-    DEFAULTS,
-    OURS,
-    check_carries_over,
-    cut_patches,
-    evaluate_in_time,
-    play,
-    score_patches,
-    summarise,
-    touch_patches,
-)
+from skinmap.recognition.protocols import results, transfer
 from skinmap.report.table import Table
 from skinmap.rows import percent
 from skinmap.skin.checks import twin_parts
@@ -61,13 +41,13 @@ class CrossPatch(Gestures):
     train_robot: str | None = None
 
 
-def judge_cross_patch(settings: Settings) -> CrossPatchResult:
+def judge_cross_patch(settings: Settings) -> results.CrossPatchResult:
     """Run the protocol."""
-    names, other = settings.names or DEFAULTS, settings.own.train_robot
-    check_carries_over(names)
+    names, other = settings.names or transfer.DEFAULTS, settings.own.train_robot
+    transfer.check_carries_over(names)
     gestures = chosen_gestures(settings)
-    test = cut_patches(*open_robot(settings.robot or "icub", settings.parts))
-    train = cut_patches(*open_robot(other, ())) if other else []
+    test = transfer.cut_patches(*open_robot(settings.robot or "icub", settings.parts))
+    train = transfer.cut_patches(*open_robot(other, ())) if other else []
     if not train and len(test) < 2:
         raise click.UsageError(
             f"leaving one patch out needs two patches, got {test[0].name}; "
@@ -78,23 +58,23 @@ def judge_cross_patch(settings: Settings) -> CrossPatchResult:
     with settings.working(settings.seeds * steps, "cross-patch") as shared:
         play = {"per_gesture": settings.per_gesture, "variety": settings.variety, **shared}
         for seed in settings.all_seeds:
-            tested = touch_patches(test, seed=seed, gestures=gestures, **play)
+            tested = transfer.touch_patches(test, seed=seed, gestures=gestures, **play)
             trained = None
             if train:
-                trained = touch_patches(train, seed=[seed, 1], gestures=gestures, **play)
-            found.append(score_patches(tested, trained, names=names, seed=seed, **shared))
-    return CrossPatchResult(
+                trained = transfer.touch_patches(train, seed=[seed, 1], gestures=gestures, **play)
+            found.append(transfer.score_patches(tested, trained, names=names, seed=seed, **shared))
+    return results.CrossPatchResult(
         robot=settings.robot or "icub",
         train_robot=other,
         gestures=list(gestures),
         per_gesture=settings.per_gesture,
         **settings.drawn,
         patches={patch.name: len(patch.skin) for patch in test},
-        rows=[summarise(name, [one[k] for one in found]) for k, name in enumerate(names)],
+        rows=[transfer.summarise(name, [one[k] for one in found]) for k, name in enumerate(names)],
     )
 
 
-def cross_patch_lines(result: CrossPatchResult) -> Iterator[str | Table]:
+def cross_patch_lines(result: results.CrossPatchResult) -> Iterator[str | Table]:
     """The tables of a result."""
     where = f"trained on {result.train_robot}" if result.train_robot else "leave one patch out"
     yield (
@@ -102,10 +82,10 @@ def cross_patch_lines(result: CrossPatchResult) -> Iterator[str | Table]:
         "(simulated); accuracy in % of touches"
     )
     shown = "features classifier mean:% worst:% worst_patch per_class"
-    yield Table.of(PatchesRow, result.rows, shown, classes=result.gestures)
+    yield Table.of(results.PatchesRow, result.rows, shown, classes=result.gestures)
 
 
-def judge_physics(settings: Settings) -> PhysicsResult:
+def judge_physics(settings: Settings) -> results.PhysicsResult:
     """Run the protocol."""
     if len(settings.names) > 1:
         raise click.UsageError("--protocol physics judges one classifier: name it once")
@@ -125,7 +105,7 @@ def judge_physics(settings: Settings) -> PhysicsResult:
         rows = transfer.evaluate_physics(
             skins, gestures=gestures, classifier=classifier, **how, **shared
         )
-    return PhysicsResult(
+    return results.PhysicsResult(
         robot=loaded.name,
         parts=list(skins),
         classifier=classifier,
@@ -136,7 +116,7 @@ def judge_physics(settings: Settings) -> PhysicsResult:
     )
 
 
-def physics_lines(result: PhysicsResult) -> Iterator[str | Table]:
+def physics_lines(result: results.PhysicsResult) -> Iterator[str | Table]:
     """The tables of a result."""
     yield (
         f"{result.robot}, {len(result.parts)} parts in two hands, {len(result.seeds)} seeds "
@@ -144,13 +124,13 @@ def physics_lines(result: PhysicsResult) -> Iterator[str | Table]:
         "accuracy in % of touches"
     )
     shown = "trained_on tested_on mean:% ece:.3f held:% set_size per_class"
-    yield Table.of(PhysicsRow, result.rows, shown, classes=result.gestures)
+    yield Table.of(results.PhysicsRow, result.rows, shown, classes=result.gestures)
 
 
 TRAININGS = 8  # of a seed
 
 
-def judge_time(settings: Settings) -> TimeResult:
+def judge_time(settings: Settings) -> results.TimeResult:
     """Run the protocol.
 
     Raises
@@ -165,7 +145,7 @@ def judge_time(settings: Settings) -> TimeResult:
     # Mirror images on both sides of the test would flatter.
     firsts = twin_parts({part: loaded.skin(part) for part in parts})
     skins = {part: PreparedSkin(loaded.skin(part)) for part in dict.fromkeys(firsts.values())}
-    physics, skipped = [OURS], {}
+    physics, skipped = [transfer.OURS], {}
     if find_spec("mujoco"):
         physics += [DEFAULT, FROZEN]
     else:
@@ -175,14 +155,16 @@ def judge_time(settings: Settings) -> TimeResult:
     with settings.working(steps, "time") as shared:
         how = {**shared, "variety": settings.variety}
         played = {
-            seed: play(skins, physics, gestures, settings.per_gesture, seed, **how)
+            seed: transfer.play(skins, physics, gestures, settings.per_gesture, seed, **how)
             for seed in settings.all_seeds
         }
-        found = evaluate_in_time(played, gestures=gestures, **shared)
+        found = transfer.evaluate_in_time(played, gestures=gestures, **shared)
     for one in (one for own in played.values() for one in own):
         errors[one.physics] += stroke_errors(one.skin, one.recording)
-    best = {(row.features, row.seen): row.mean for row in found.rows if row.tested_on == OURS}
-    return TimeResult(
+    best = {
+        (row.features, row.seen): row.mean for row in found.rows if row.tested_on == transfer.OURS
+    }
+    return results.TimeResult(
         robot=loaded.name,
         parts=list(skins),
         gestures=list(gestures),
@@ -199,14 +181,14 @@ def judge_time(settings: Settings) -> TimeResult:
     )
 
 
-def strokes_row(physics: str, errors: Sequence[StrokeError]) -> StrokesRow:
+def strokes_row(physics: str, errors: Sequence[StrokeError]) -> results.StrokesRow:
     """Medians of the errors of strokes."""
 
     def of(values: Sequence[float], how: Callable[..., Any] = np.median) -> float | None:
         known = [value for value in values if np.isfinite(value)]
         return float(how(known)) if known else None
 
-    return StrokesRow(
+    return results.StrokesRow(
         physics=physics,
         strokes=len(errors),
         speed=of([abs(one.speed) for one in errors]),
@@ -217,14 +199,14 @@ def strokes_row(physics: str, errors: Sequence[StrokeError]) -> StrokesRow:
     )
 
 
-def time_lines(result: TimeResult) -> Iterator[str | Table]:
+def time_lines(result: results.TimeResult) -> Iterator[str | Table]:
     """The tables of a result."""
     yield (
         f"{result.robot}, {len(result.parts)} parts in two hands, each touched by people of its "
         f"own, {len(result.seeds)} seeds (simulated); accuracy in % of touches"
     )
     shown = "features tested_on seen:.0% mean:% per_class"
-    yield Table.of(SeenRow, result.rows, shown, classes=result.gestures)
+    yield Table.of(results.SeenRow, result.rows, shown, classes=result.gestures)
     yield (
         f"\nmotion adds {result.gained_points:.1f} points; half of a touch gives "
         f"{100 * result.half_seen:.0f} % of the accuracy of all of it; still gestures: "
@@ -232,7 +214,7 @@ def time_lines(result: TimeResult) -> Iterator[str | Table]:
     )
     yield "\nstrokes of 5 cm or more, medians of the errors"
     table = Table.of(
-        StrokesRow,
+        results.StrokesRow,
         result.strokes,
         "physics strokes speed:%=speed_% speed_bias:%=bias_% direction_deg:.1f=direction_deg "
         "length:%=way_% within:%=within_2_errors_%",

@@ -14,7 +14,7 @@ Efficient", CVPR 2008.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
 from typing import Any
 
@@ -51,17 +51,12 @@ class AdditiveFunction:
     """
 
     def __init__(
-        self,
-        bends: Sequence[FloatArray],
-        slopes: Sequence[FloatArray],
-        intercept: FloatArray,
+        self, bends: Sequence[FloatArray], slopes: Sequence[FloatArray], intercept: FloatArray
     ) -> None:
         self.intercept = np.asarray(intercept, np.float64)
         self.top = int(max((bend[-1] for bend in bends if len(bend)), default=0.0))
         # f = base + slope x, before each bend and behind the last: one piece more than bends.
-        self.pieces = np.concatenate(
-            [np.stack([_bases(b, s), _and_none(s)], 1) for b, s in zip(bends, slopes, strict=True)]
-        )
+        self.pieces = np.concatenate([_pieces(b, s) for b, s in zip(bends, slopes, strict=True)])
         self.ends = np.concatenate([np.append(bend, np.inf) for bend in bends])  # of the pieces
         self.scale, self.first, self._most = _buckets(bends)
         self.rows = self._tabulate(bends)
@@ -87,10 +82,17 @@ class AdditiveFunction:
     def compile(self) -> bool:
         """Use compiled code from now on; whether it can be had (numba)."""
         try:
-            self._kernel = _additive_kernel(self)
+            loop = _compiled(len(self.intercept))
         except MissingLibraryError:
             logger.info("numba is not installed: decision values are computed by numpy")
-        return self._kernel is not None
+            return False
+        none = np.zeros((0, len(self.intercept)))
+        tables = (
+            self.scale, self.first, self.ends, self.pieces,
+            none if self.rows is None else self.rows, self.top, self.intercept,
+        )  # fmt: skip
+        self._kernel = lambda x: loop(x, *tables)
+        return True
 
     def _together(self, x: FloatArray) -> FloatArray:
         """(n, q) values for a few x (n, d): all bins that are not empty at once."""
@@ -153,16 +155,11 @@ def intersection_function(
     return AdditiveFunction(bends, slopes, intercept)
 
 
-def _bases(bends: FloatArray, slopes: FloatArray) -> FloatArray:
-    """(u + 1, q) what to add to slope times x on each piece, so that the pieces meet."""
-    drop = slopes - np.vstack([slopes[1:], np.zeros((min(1, len(slopes)), slopes.shape[1]))])
-    steps = np.cumsum(drop * bends[:, None], axis=0)
-    return np.vstack([np.zeros((1, slopes.shape[1])), steps])
-
-
-def _and_none(slopes: FloatArray) -> FloatArray:
-    """(u + 1, q) the slopes, and none behind the last bend."""
-    return np.vstack([slopes, np.zeros((1, slopes.shape[1]))])
+def _pieces(bends: FloatArray, slopes: FloatArray) -> FloatArray:
+    """(u + 1, 2, q) what to add on each piece so that the pieces meet, and its slope."""
+    slope = np.pad(slopes, ((0, 1), (0, 0)))  # none behind the last bend
+    steps = np.cumsum(-np.diff(slope, axis=0) * bends[:, None], axis=0)
+    return np.stack([np.pad(steps, ((1, 0), (0, 0))), slope], 1)
 
 
 def _buckets(bends: Sequence[FloatArray]) -> tuple[FloatArray, NDArray[np.int32], int]:
@@ -199,28 +196,6 @@ def _look_up(rows: FloatArray, offset: IntArray, top: int, x: FloatArray) -> Flo
     start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=len(x)))])
     ones = csr_array((np.ones(len(row)), column, start), shape=(len(x), len(rows)))
     return np.asarray(ones @ rows)
-
-
-def _additive_kernel(function: AdditiveFunction) -> Callable[[FloatArray], FloatArray]:
-    """A function that gives the values (n, q) of x (n, d).
-
-    Raises
-    ------
-    MissingLibraryError
-        Without numba.
-    """
-    loop = _compiled(len(function.intercept))
-    none = np.zeros((0, len(function.intercept)))
-    rows = none if function.rows is None else function.rows
-    tables = (
-        function.scale, function.first, function.ends, function.pieces, rows,
-    )  # fmt: skip
-    top, intercept = function.top, function.intercept
-
-    def values(x: FloatArray) -> FloatArray:
-        return np.asarray(loop(x, *tables, top, intercept))
-
-    return values
 
 
 @cache

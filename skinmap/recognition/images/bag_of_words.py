@@ -90,11 +90,7 @@ class BagOfVisualWords(TransformerMixin, BaseEstimator):
     """
 
     def __init__(
-        self,
-        words: int = WORDS,
-        *,
-        image_shape: tuple[int, int] = SIZE,
-        random_state: int = 0,
+        self, words: int = WORDS, *, image_shape: tuple[int, int] = SIZE, random_state: int = 0
     ) -> None:
         self.words, self.image_shape, self.random_state = words, image_shape, random_state
 

@@ -21,12 +21,7 @@ from sklearn.utils.multiclass import check_classification_targets
 from sklearn.utils.validation import validate_data
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import (
-    InvalidArrayError,
-    NotFittedError,
-    check_known,
-    unknown_name,
-)
+from skinmap.errors import InvalidArrayError, NotFittedError, check_known, unknown_name
 from skinmap.imports import import_optional
 from skinmap.recognition.images.bag_of_words import as_images
 from skinmap.touch.images.contact_image import SIZE

@@ -13,7 +13,6 @@ places and in five of their own. One image shows the middle of each touch, when 
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -23,11 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinWarning, check_known
+from skinmap.errors import InvalidArrayError, MissingLibraryError, check_known, warn
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.triangles import unit
 from skinmap.parallel.run import task_rng
-from skinmap.parallel.workers import ONE, Workers
 from skinmap.recognition.descriptors import moments
 from skinmap.recognition.images.bag_of_words import WORDS, count_words, learn_words, local_features
 from skinmap.recognition.images.cnn import RECIPES, ContactImageCNN, train_along
@@ -469,8 +467,7 @@ def evaluate_baxter(
     tuned: bool = True,
     variety: float = 0.0,
     robot: str = "",
-    workers: Workers = ONE,
-    progress: Callable[[str], None] | None = None,
+    **who: Any,
 ) -> BaxterResult:
     """Bags of visual words, a network and raw values on simulated touches, or on images given.
 
@@ -490,9 +487,8 @@ def evaluate_baxter(
     tuned : bool
         Whether K, learning rate, epochs and the baseline's C and gamma are chosen by 5-fold
         cross-validation on the training images of each split anew.
-    workers : Workers
-    progress : callable, optional
-        Called with what was done.
+    who
+        `workers` and `progress` of `run_tasks`.
 
     Returns
     -------
@@ -517,21 +513,13 @@ def evaluate_baxter(
     kinds: tuple[FoldKind, ...] = ("event", "plain")
     if len(np.unique(data.events)) == len(data):
         kinds = ("event",)
+    splits = [{"kind": kind, "number": number} for kind in kinds for number in range(repeats)]
+    shared = {"data": data, "network": network, "tuned": tuned, "seed": seed, **who}
     for name in methods:
         try:
-            runs = run_repeats(
-                baxter_repeat,
-                [{"kind": kind, "number": number} for kind in kinds for number in range(repeats)],
-                workers=workers,
-                progress=progress,
-                data=data,
-                method=name,
-                network=network,
-                tuned=tuned,
-                seed=seed,
-            )
+            runs = run_repeats(baxter_repeat, splits, method=name, **shared)
         except MissingLibraryError as error:
-            warnings.warn(f"{name} is left out: {error}", SkinWarning, stacklevel=2)
+            warn(f"{name} is left out: {error}")
             found[name] = MethodResult(missing=str(error))
             continue
         touches, plain = (_spread(half) for half in (runs[:repeats], runs[-repeats:]))

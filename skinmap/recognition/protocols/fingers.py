@@ -179,8 +179,7 @@ def judge(
 ) -> CountRow:
     """What counts (f,) of some repetitions are worth where they are tested (f,); no control yet."""
     exact, near = [], []
-    size = int(fingers.max()) + 1
-    size = max(size, 1 + max(int(count.max()) for count in counts))
+    size = 1 + max(int(count.max()) for count in (fingers, *counts))
     confusion = np.zeros((size, size))
     for count, test in zip(counts, tests, strict=True):
         off = np.abs(count - fingers)[test]

@@ -75,14 +75,8 @@ def make_folds(
 
 def smallest(kind: FoldKind, labels: Names, events: IntArray) -> dict[str, int]:
     """How many samples (plain) or events (event) each label has."""
-    return {
-        str(label): int(
-            len(np.unique(events[labels == label]))
-            if kind == "event"
-            else np.count_nonzero(labels == label)
-        )
-        for label in np.unique(labels)
-    }
+    units = events if kind == "event" else np.arange(len(labels))
+    return {str(label): len(np.unique(units[labels == label])) for label in np.unique(labels)}
 
 
 def recalls(labels: Names, named: Names, kinds: Sequence[str]) -> dict[str, float]:

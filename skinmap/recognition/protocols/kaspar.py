@@ -114,7 +114,8 @@ def draw_samples(
         A gesture of which not even a quarter fits the part.
     """
     touches = -(-max(counts.values()) // SAMPLES_A_TOUCH) + BOOK_TOUCHES
-    recording, on_skin = _play(skin.skin, tuple(counts), touches, places, variety, rng)
+    names = np.repeat(list(counts), touches)
+    recording, on_skin = _play(skin.skin, names, places, variety, rng)
     seen = dict.fromkeys(counts, 0)
     rows: dict[str, list[IntArray]] = {name: [] for name in counts}
     book: list[IntArray] = []
@@ -128,22 +129,12 @@ def draw_samples(
     some = rng.choice(some, min(BOOK_SAMPLES, len(some)), replace=False)
     index = np.concatenate(chosen)
     labels = np.repeat(list(counts), [len(own) for own in chosen])
-    return SampleSet(
-        recording.pressures[index],
-        labels,
-        recording.events[index],
-        recording.pressures[some],
-        on_skin,
-    )
+    pressures, events = recording.pressures, recording.events
+    return SampleSet(pressures[index], labels, events[index], pressures[some], on_skin)
 
 
 def _play(
-    skin: Skin,
-    gestures: Sequence[str],
-    touches: int,
-    places: Places,
-    variety: float,
-    rng: np.random.Generator,
+    skin: Skin, names: Names, places: Places, variety: float, rng: np.random.Generator
 ) -> tuple[Recording, float]:
     """So many touches of each gesture; what is larger than the part hangs over its edge.
 
@@ -153,8 +144,8 @@ def _play(
     stage = prepare(skin, rng=rng, sensing=answers, variety=variety)
     people = draw_subjects(SUBJECTS, rng=rng)
     player = Player(stage, rng)
-    shares = {name: list(SHARES) for name in gestures}
-    for name in rng.permutation(np.repeat(gestures, touches)):
+    shares = {name: list(SHARES) for name in np.unique(names)}
+    for name in rng.permutation(names):
         subject = people[int(rng.integers(len(people)))]
         placed = None
         while placed is None and shares[name]:
@@ -220,12 +211,8 @@ def learn(
     recipe: Recipe, structures: Structures, book: NDArray[np.uint8], *, seed: int, words: int
 ) -> Codebook:
     """A codebook from unlabelled samples (m, n_taxels) of one skin."""
-    return learn_codebook(
-        [(structures, book / COUNTS)],
-        rng=np.random.default_rng(seed),
-        words=words,
-        literal=recipe.literal,
-    )
+    pools, rng = [(structures, book / COUNTS)], np.random.default_rng(seed)
+    return learn_codebook(pools, rng=rng, words=words, literal=recipe.literal)
 
 
 def count_votes(
@@ -244,7 +231,6 @@ FOLDS = 4
 # there: single taxels, and the whole part.
 RADII = (0.0001, 0.0055, 0.008, 0.0095, 0.0115, 0.014, 0.03, 1.0)
 WORD_COUNTS = (2, 4, 8, 16, 32, 64)
-SWEPT = 10  # percent
 KINDS: tuple[FoldKind, ...] = ("plain", "event")
 ROBOT, PART = "kaspar", "right_hand"
 # Tables of the paper: percent, features, classifier and the accuracy of each class [%].
@@ -318,33 +304,31 @@ def paper_rows() -> list[AccuracyRow]:
 
 def margins(table: Sequence[AccuracyRow]) -> list[MarginRow]:
     """By how many points histograms lead raw values in an RBF SVM, beside the paper's margin."""
-
-    def mean(rows: Sequence[AccuracyRow], *wanted: object) -> float:
-        (row,) = (
-            row for row in rows if (row.percent, row.folds, row.features, row.classifier) == wanted
+    ours, published = (
+        {(row.percent, row.folds, row.features, row.classifier): row.mean for row in rows}
+        for rows in (table, paper_rows())
+    )
+    theirs = {
+        percent: _lead(published, percent, "plain", "histogram")
+        for percent in dict.fromkeys(key[0] for key in published)
+    }
+    return [
+        MarginRow(
+            percent=percent,
+            folds=kind,
+            features=recipe.name,
+            points=_lead(ours, percent, kind, recipe.name),
+            paper=theirs.get(percent) if kind == "plain" and recipe is LITERAL else None,
         )
-        return row.mean
+        for percent in dict.fromkeys(cast(int, row.percent) for row in table)
+        for kind in KINDS
+        for recipe in RECIPES
+    ]
 
-    found, published = [], paper_rows()
-    for percent in dict.fromkeys(cast(int, row.percent) for row in table):
-        theirs = None
-        if percent in {row.percent for row in published}:
-            ahead = mean(published, percent, "plain", "histogram", "intersection-svm")
-            theirs = 100.0 * (ahead - mean(published, percent, "plain", "raw", "rbf-svm"))
-        for kind in KINDS:
-            raw = mean(table, percent, kind, "raw", "rbf-svm")
-            found += [
-                MarginRow(
-                    percent=percent,
-                    folds=kind,
-                    features=recipe.name,
-                    points=100.0
-                    * (mean(table, percent, kind, recipe.name, "intersection-svm") - raw),
-                    paper=theirs if kind == "plain" and recipe is LITERAL else None,
-                )
-                for recipe in RECIPES
-            ]
-    return found
+
+def _lead(means: Mapping[Any, float], percent: Any, kind: FoldKind, features: str) -> float:
+    ahead = means[percent, kind, features, "intersection-svm"]
+    return 100.0 * (ahead - means[percent, kind, "raw", "rbf-svm"])
 
 
 def kaspar_repeat(
@@ -444,12 +428,7 @@ def sweep_radius_and_words(
 
 
 def sweep_repeat(
-    seed: int,
-    *,
-    skin: PreparedSkin,
-    samples: Mapping[str, int] = SAMPLES,
-    percent: int = SWEPT,
-    variety: float = 0.0,
+    seed: int, *, skin: PreparedSkin, samples: Mapping[str, int], percent: int, variety: float = 0.0
 ) -> list[SweepRow]:
     """Rows of one seed: the same samples and folds for each radius and number of codewords."""
     rng = task_rng(seed)
@@ -543,13 +522,12 @@ def _predict(
     return np.asarray(machine.predict(gram[np.ix_(test, train)]))
 
 
-PERCENT = 10  # of the samples of each patch
 # A patch of which a whole hand covers less than this is touched by something else than a hand.
 ENOUGH_ON_SKIN = 0.4
 
 
 def evaluate_carry_over(
-    skins: Mapping[str, PreparedSkin], *, seeds: Sequence[int], percent: int = PERCENT, **how: Any
+    skins: Mapping[str, PreparedSkin], *, seeds: Sequence[int], percent: int, **how: Any
 ) -> CarryOver:
     """Train on each patch in turn, test on held-out touches of it and on all patches.
 

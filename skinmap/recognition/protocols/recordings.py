@@ -9,9 +9,9 @@ before anybody touched it, and the first samples of each stretch.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 from unicodedata import normalize
 
 import numpy as np
@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError, SkinError
 from skinmap.parallel.run import task_rng
-from skinmap.parallel.workers import ONE, Workers
 from skinmap.recognition.classifier import classifiers
 from skinmap.recognition.descriptors import Touch
 from skinmap.recognition.evaluate import likeliest
@@ -72,8 +71,7 @@ def evaluate_recordings(
     seeds: Sequence[int],
     folds: int = FOLDS,
     optional: bool = False,
-    workers: Workers = ONE,
-    progress: Callable[[str], None] | None = None,
+    **who: Any,
 ) -> tuple[list[AccuracyRow], list[LeakRow], dict[str, str]]:
     """Cross-validate classifiers on labelled touches.
 
@@ -88,8 +86,8 @@ def evaluate_recordings(
     folds : int
     optional : bool
         Whether a classifier that cannot run on these touches is named in `skipped` instead.
-    workers : Workers
-    progress : callable, optional
+    who
+        `workers` and `progress` of `run_tasks`.
 
     Returns
     -------
@@ -121,7 +119,7 @@ def evaluate_recordings(
     """
     labels = np.array([touch.label for touch in touches])
     # Refuses what cannot be folded before anything is computed.
-    make_folds("event", labels, np.arange(len(labels)), folds=folds, rng=task_rng(0))
+    _touch_folds(labels, folds, task_rng(0))
     for name in names:
         classifiers.get(name)
     trials = [
@@ -130,9 +128,7 @@ def evaluate_recordings(
         for kind in KINDS
         for seed in seeds
     ]
-    found = run_repeats(
-        run_trial, trials, workers=workers, progress=progress, touches=tuple(touches), folds=folds
-    )
+    found = run_repeats(run_trial, trials, touches=tuple(touches), folds=folds, **who)
     table: list[AccuracyRow] = []
     skipped: dict[str, str] = {}
     for place in range(0, len(found), len(seeds)):
@@ -155,6 +151,10 @@ def evaluate_recordings(
         if max(mean, honest) > least
     ]
     return table, leak, skipped
+
+
+def _touch_folds(labels: Names, folds: int, rng: np.random.Generator) -> list[Fold]:
+    return make_folds("event", labels, np.arange(len(labels)), folds=folds, rng=rng)
 
 
 def run_trial(
@@ -181,10 +181,8 @@ def _cross_validate(
 ) -> tuple[np.ndarray, np.ndarray]:
     labels = np.array([touch.label for touch in touches])
     if kind == "event":
-        splits = make_folds("event", labels, np.arange(len(labels)), folds=folds, rng=rng)
-        sides = [
-            ([touches[i] for i in train], [touches[i] for i in test]) for train, test in splits
-        ]
+        splits = _touch_folds(labels, folds, rng)
+        sides = [([touches[i] for i in a], [touches[i] for i in b]) for a, b in splits]
     else:
         sides = _split_samples(touches, folds, rng)
     named, truth = [], []
@@ -389,11 +387,7 @@ def run_left_out(classifier: str, way: Way, *, judged: Judged, folds: int, seed:
         chance=judged.chance,
     )
     try:
-        if own is None:
-            events = np.arange(len(labels))
-            splits = make_folds("event", labels, events, folds=folds, rng=rng)
-        else:
-            splits = group_folds(way, own, labels)
+        splits = _touch_folds(labels, folds, rng) if own is None else group_folds(way, own, labels)
         named = _named(classifier, judged.touches, splits, rng)
     except SkinError as error:
         return replace(row, verdict=str(error))

@@ -1017,15 +1017,6 @@ class RecordingsResult(Evaluated):
 
 
 EvaluateResult = (
-    KasparResult
-    | CrossPatchResult
-    | PhysicsResult
-    | RecordingsResult
-    | BaxterResult
-    | TimeResult
-    | FingersResult
-    | HandsResult
-    | PrintsResult
-    | ForceResult
-    | LoadsResult
-)
+    KasparResult | CrossPatchResult | PhysicsResult | RecordingsResult | BaxterResult | TimeResult
+    | FingersResult | HandsResult | PrintsResult | ForceResult | LoadsResult
+)  # fmt: skip

@@ -16,7 +16,7 @@ well. The judge that can fail is the same classifier without motion, and a secon
 from __future__ import annotations
 
 from collections import Counter, defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -26,7 +26,6 @@ from sklearn.base import BaseEstimator
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
 from skinmap.parallel.run import run_tasks, task_rng
-from skinmap.parallel.workers import ONE, Workers
 from skinmap.physics.variants import TUNING, VARIANTS
 from skinmap.recognition.catalogue import classifiers
 from skinmap.recognition.classifier import NO_CONTACT, WITH_SETS, TouchClassifier, learnable
@@ -141,8 +140,7 @@ def touch_patches(
     gestures: Sequence[str],
     per_gesture: int,
     variety: float = DEFAULT,
-    workers: Workers = ONE,
-    progress: Callable[[str], None] | None = None,
+    **who: Any,
 ) -> list[Patch]:
     """The same patches with simulated touches anywhere on each.
 
@@ -156,9 +154,8 @@ def touch_patches(
         Touches of each gesture on each patch.
     variety : float
         Random spread of touches and sensors, 0 to 2.
-    workers : Workers
-    progress : callable, optional
-        Called after each patch.
+    who
+        `workers` and `progress` of `run_tasks`; it is called after each patch.
 
     Returns
     -------
@@ -178,7 +175,7 @@ def touch_patches(
         Playing(patch.skin, tuple(gestures), per_gesture, variety, (*own, number))
         for number, patch in enumerate(patches)
     ]
-    found = run_tasks(played, tasks, workers=workers, progress=progress)
+    found = run_tasks(played, tasks, **who)
     return [
         replace(patch, touches=tuple(recorded_touches(patch.skin, recording)))
         for patch, (recording,) in zip(patches, found, strict=True)
@@ -191,8 +188,7 @@ def score_patches(
     *,
     names: Sequence[str] = DEFAULTS,
     seed: int,
-    workers: Workers = ONE,
-    progress: Callable[[str], None] | None = None,
+    **who: Any,
 ) -> list[dict[str, Score]]:
     """Scores of each of some classifiers on each patch.
 
@@ -205,9 +201,8 @@ def score_patches(
     names : sequence of str
         Classifiers.
     seed : int
-    workers : Workers
-    progress : callable, optional
-        Called after each training.
+    who
+        `workers` and `progress` of `run_tasks`; it is called after each training.
 
     Returns
     -------
@@ -241,7 +236,7 @@ def score_patches(
         for name in names
         for trained, tested in sides
     ]
-    found = run_repeats(_train, trials, workers=workers, progress=progress, seed=seed)
+    found = run_repeats(_train, trials, **who, seed=seed)
     return [
         {patch: own for scores in found[k : k + len(sides)] for patch, own in scores.items()}
         for k in range(0, len(found), len(sides))
@@ -357,16 +352,13 @@ def evaluate_physics(
     if len(skins) < 2:
         raise InvalidArrayError(f"leaving parts out needs two parts, got {len(skins)}")
     pairs = mirror_pairs(skins)
-    if len(set(pairs.values())) < 2:
+    firsts = dict.fromkeys(pairs.values())
+    if len(firsts) < 2:
         raise InvalidArrayError("leaving parts out needs two parts that are not mirror images")
     found: list[tuple[str, str, list[Named], FloatArray]] = []
     for seed in seeds:
         touched = _touch(skins, gestures, per_gesture, variety, seed, **who)
-        trainings = [
-            one
-            for part in dict.fromkeys(pairs.values())
-            for one in _trainings(touched, pairs, part)
-        ]
+        trainings = [one for part in firsts for one in _trainings(touched, pairs, part)]
         for names in run_repeats(
             _train_physics, trainings, classifier=classifier, seed=seed, **who
         ):
@@ -563,15 +555,10 @@ def play(
     MissingLibraryError
         MuJoCo is asked for, and not installed.
     """
+    every = {OURS: ((*gestures, *FOUR), per_gesture)}
+    fewer = tuple(gestures), max(2, per_gesture // 4)
     tasks = [
-        Playing(
-            skin,
-            (*gestures, *FOUR) if one == OURS else tuple(gestures),
-            per_gesture if one == OURS else max(2, per_gesture // 4),
-            variety,
-            (seed, row, column),
-            one,
-        )
+        Playing(skin, *every.get(one, fewer), variety, (seed, row, column), one)
         for row, one in enumerate(physics)
         for column, skin in enumerate(skins.values())
     ]
