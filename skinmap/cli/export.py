@@ -345,7 +345,7 @@ def command(
     Example:  skinmap export touch.mcap --format contacts -o contacts.csv
     Example:  skinmap export recordings --format touched -o touched.csv
     """
-    if calibrations and format not in ("touched", "images", "contacts"):
+    if calibrations and format != "contacts":
         raise click.UsageError("--calibration needs --format contacts")
     from skinmap.io.recordings.touch_files import is_foreign
 

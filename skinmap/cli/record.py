@@ -133,11 +133,12 @@ def command(
     session, person = (check_label(one) if one else "" for one in (session, person))
     loaded, origin = open_stream(source, robot, parts, seed=seed, speed=speed)
     named = classifier is not None
-    skins = {part: PreparedSkin(loaded.skin(part)) for part in origin.info.parts if calibrations}
-    loads = load_calibrations(calibrations, skins)
     shown = _Shown(output, sys.stderr, named=named)
     loop = None
     with closing(origin), closing(shown):
+        weighed = origin.info.parts if calibrations else ()
+        skins = {part: PreparedSkin(loaded.skin(part)) for part in weighed}
+        loads = load_calibrations(calibrations, skins)
         for path in continued(output):
             path.unlink()  # of the recording that --force replaces
         dense = tuple(len(loaded.skin(part)) for part in origin.info.parts)

@@ -245,6 +245,10 @@ def test_contacts_of_a_recording_become_a_table(folder: Path, tmp_path: Path) ->
     ("words", "answer"),
     [
         (["icub", "--part", PART, "--calibration", "x", "-o", "a.csv"], "needs --format contacts"),
+        (
+            ["icub", "--calibration", "x", "--format", "touched", "-o", "a.csv"],
+            "needs --format con",
+        ),
         (["icub", "--format", "contacts", "-o", "a.csv"], "contacts is for recordings"),
         (["t.npz", "--format", "contacts", "-o", "a.txt"], "ending in .csv or .parquet"),
     ],
