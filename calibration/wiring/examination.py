@@ -220,12 +220,7 @@ def conclude(cases: Mapping[str, Case], plan: Plan) -> tuple[Case, ...]:
 
 
 def examine_recording(
-    path: Path,
-    robot: Robot,
-    parts: Sequence[str],
-    plan: Plan,
-    *,
-    places: Path | None,
+    path: Path, robot: Robot, parts: Sequence[str], plan: Plan, *, places: Path | None
 ) -> Examination:
     """Examine a recording of touches by a person.
 
