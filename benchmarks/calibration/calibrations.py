@@ -325,9 +325,8 @@ def measure(
     result: dict[str, Any] = {"truth": TRUTH}
     for name in only:
         if name == "scan" and find_spec("open3d") is None:  # the table of before stays
-            print(
-                "scan: not measured, open3d is not installed (pip install .[scan])", file=sys.stderr
-            )
+            lacks = "open3d is not installed (pip install .[scan])"
+            print(f"scan: not measured, {lacks}", file=sys.stderr)
             continue
         result[name], cpu, _ = timed(tables[name])
         keep(name, result[name])

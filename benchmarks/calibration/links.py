@@ -58,14 +58,8 @@ def icub_cases() -> Iterator[Case]:
         for chart in skinmap.flatten(skinmap.build_surface(skin)).charts:
             keep = _some_modules(skin.modules[chart.taxels], chart.uv)
             taxels = chart.taxels[keep]
-            yield Case(
-                part,
-                chart.uv[keep],
-                skin.positions[taxels],
-                skin.modules[taxels],
-                link.vertices,
-                link.faces,
-            )
+            truth, modules = skin.positions[taxels], skin.modules[taxels]
+            yield Case(part, chart.uv[keep], truth, modules, link.vertices, link.faces)
 
 
 def _some_modules(modules: IntArray, uv: FloatArray) -> FloatArray:
@@ -289,17 +283,14 @@ def _frames(shape: Shape, uv: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _triangles(rows: int, columns: int) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Middles (m, 2), turns (m,) of the modules, and ten taxels (10, 2) round a middle [m]."""
-    middles, turns = [], []
-    for row in range(rows):
-        for column in range(columns):
-            upside = (row + column) % 2
-            middles.append([column * SIDE / 2, row * SIDE * np.sqrt(0.75) + upside * SIDE / 3.46])
-            turns.append(np.pi * upside)
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    upside = (row + column) % 2
+    high = row * SIDE * np.sqrt(0.75) + upside * SIDE / 3.46
+    places = np.column_stack([column * SIDE / 2, high])
     lattice = [[PITCH * (i + 0.5 * j), PITCH * np.sqrt(0.75) * j]
                for j in range(4) for i in range(4 - j)]  # fmt: skip
     taxels = np.array(lattice) - np.mean(lattice, axis=0)
-    places = np.array(middles)
-    return places - places.mean(axis=0), np.array(turns), taxels
+    return places - places.mean(axis=0), np.pi * upside, taxels
 
 
 def _turned(angle: FloatArray, points: FloatArray) -> FloatArray:

@@ -38,9 +38,10 @@ from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.touch.simulation.gestures import poke
 from skinmap.touch.simulation.simulator import Stage, prepare, touch_loads
-from skinmap.touch.simulation.variety import FULL_SCALE, Sensing
+from skinmap.touch.simulation.variety import FULL_SCALE
 
 REACH = 0.13  # of the log map round a place [m]
+NOISE = 1.2  # of a sample [counts]
 POKE, PACE = 12, 0.13  # samples of a poke; speed of a stroke [m/s], sampled at 50 Hz
 RATE, WAY = 50.0, 1.5  # samples a second; seconds on the way to the next place
 NAMES = {
@@ -111,8 +112,6 @@ class Person:
     sources : (n,) int, optional
         Taxel whose answer each channel really carries, -1 for none: the planted fault.
     clumsiness : Clumsiness
-    noise : float
-        Of a sample [counts].
     touches : numpy.random.Generator, optional
         Of the touches, where `rng` makes the same skin again.
     taxels : sequence of (str, int, float)
@@ -126,7 +125,6 @@ class Person:
         sources: IntArray | None = None,
         *,
         clumsiness: Clumsiness | None = None,
-        noise: float = 1.2,
         touches: np.random.Generator | None = None,
         taxels: Sequence[tuple[str, int, float]] = (),
     ) -> None:
@@ -137,7 +135,6 @@ class Person:
         spread = rng.uniform(*self.clumsiness.gains)
         self.gains = np.exp(rng.normal(0.0, spread, n))
         self.dead = rng.random(n) < rng.uniform(*self.clumsiness.dead)
-        self.sensing = Sensing(noise=noise)
         self.baseline = rng.normal(0.0, 0.5, n)
         self.hand = float(rng.uniform(0.75, 1.0))
         self.force = float(np.exp(rng.normal(0.0, 0.15)))
@@ -191,7 +188,7 @@ class Person:
 
     def _sense(self, loads: FloatArray) -> NDArray[np.uint8]:
         counts = FULL_SCALE * self.force * loads * self.gains
-        counts = counts + self.baseline + self.rng.normal(0.0, self.sensing.noise, counts.shape)
+        counts = counts + self.baseline + self.rng.normal(0.0, NOISE, counts.shape)
         counts[:, self.dead] = 0.0
         sent = np.where(self.sources >= 0, counts[:, self.sources], 0.0)
         spikes = self.rng.random(sent.shape) < self.clumsiness.spikes

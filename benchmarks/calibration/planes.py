@@ -64,10 +64,7 @@ class Setting:
 
 FOREARM = "forearm"
 CASES: tuple[tuple[str, str, int, Setting, dict[str, bool]], ...] = (
-    (FOREARM, "right_forearm", 5, Setting(), {}),
-    (FOREARM, "right_forearm", 10, Setting(), {}),
-    (FOREARM, "right_forearm", 20, Setting(), {}),
-    (FOREARM, "right_forearm", 40, Setting(), {}),
+    *((FOREARM, "right_forearm", count, Setting(), {}) for count in (5, 10, 20, 40)),
     ("forearm, plane known", "right_forearm", 40, Setting(), {"known": True}),
     ("forearm, modules off by 0.6 mm", "right_forearm", 40, Setting(modules=0.6e-3), {}),
     ("forearm, modules off by 1 mm", "right_forearm", 40, Setting(modules=1e-3), {}),
@@ -268,10 +265,7 @@ def _row(runs: list[dict[str, Any]]) -> dict[str, Any]:
     p95, ok = [run["p95"] for run in runs], statuses.get("ok", 0)
     return {
         "trials": len(runs),
-        "taxels_p95_mm": {
-            "median": float(np.median(p95)),
-            "p95": float(np.percentile(p95, 95)),
-        },
+        "taxels_p95_mm": {"median": float(np.median(p95)), "p95": float(np.percentile(p95, 95))},
         "normalised_error_squared": float(np.mean([run["square"] for run in runs])),
         "observable": 2 * ok > len(runs),
         "ok": ok,

@@ -337,11 +337,7 @@ def svm_row(real: bool, quick: bool, rounds: int) -> dict[str, Any]:
         rounds,
     )
     single_times = take_turns(
-        {
-            "scikit_learn": (lambda: peer(one), 5),
-            "numpy": (lambda: plain(one), 100),
-        },
-        rounds,
+        {"scikit_learn": (lambda: peer(one), 5), "numpy": (lambda: plain(one), 100)}, rounds
     )
     ratios = ratio_quartiles(many_times, RATIOS) | ratio_quartiles(single_times, SINGLE_RATIOS)
     gap = np.abs(ours.decision_function(z) - peer(z)).max()

@@ -266,8 +266,7 @@ def _pieces_of(ran: Iterable[CodeType]) -> set[str]:
 
 def _digests(path: Path) -> tuple[Functions, set[str]]:
     """Digests of a module's functions by name and first line, and of its other statements."""
-    functions: Functions = {}
-    rest: set[str] = set()
+    functions, rest = Functions(), set[str]()
 
     def take(body: list[ast.stmt], inside: str) -> None:
         for node in body:
@@ -296,8 +295,4 @@ def _digest(node: ast.AST, inside: str) -> str:
 
 def _words(node: ast.AST) -> bool:
     """Whether a statement is a docstring."""
-    return (
-        isinstance(node, ast.Expr)
-        and isinstance(node.value, ast.Constant)
-        and isinstance(node.value.value, str)
-    )
+    return isinstance(node, ast.Expr) and isinstance(getattr(node.value, "value", None), str)

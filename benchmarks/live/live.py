@@ -36,7 +36,7 @@ from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.simulated_source import SimulatedSource
-from skinmap.live.sources.source import SourceEnded, StreamInfo
+from skinmap.live.sources.source import SourceEnded, StreamInfo, blocks
 from skinmap.recognition.classifier import TouchClassifier, classifiers
 from skinmap.recognition.descriptors import Touch
 from skinmap.skin.robot import Robot
@@ -160,12 +160,7 @@ def pairs(skin: JoinedSkin, part: str, count: int, rng: np.random.Generator) -> 
 
 
 def kept_share(
-    skin: JoinedSkin,
-    part: str,
-    pair: list[int],
-    *,
-    samples: int,
-    rng: np.random.Generator,
+    skin: JoinedSkin, part: str, pair: list[int], *, samples: int, rng: np.random.Generator
 ) -> float:
     """Share of samples in which two wandering fingers keep the numbers that they began with."""
     tracker = ContactTracker(skin)
@@ -281,10 +276,7 @@ def identities(skin: JoinedSkin, count: int) -> dict[str, Any]:
             kept_share(own, part, pair, samples=500, rng=rng)
             for pair in pairs(own, part, count, rng)
         ]
-    return {
-        "pairs": len(shares),
-        "share": float(np.mean(shares)),
-    }
+    return {"pairs": len(shares), "share": float(np.mean(shares))}
 
 
 def press_of_torso(minutes: float) -> dict[str, Any]:
@@ -406,15 +398,8 @@ def soak(
 ) -> dict[str, Any]:
     """Resident memory over many samples through the whole loop, and its last moments."""
     made = SimulatedSource(robot, seed=5, speed=float("inf"), seconds=60.0)
-    blocks = []
-    try:
-        while True:
-            block = made.read(5.0)
-            if block is not None:
-                blocks.append(block.values)
-    except SourceEnded:
-        made.close()
-    values = np.concatenate(blocks)
+    values = np.concatenate([block.values for block in blocks(made, timeout=5.0)])
+    made.close()
     info = StreamInfo("soak", made.info.parts, made.info.widths, 50.0)
 
     def begun(first: int) -> TouchLoop:

@@ -29,7 +29,7 @@ from skinmap.io.mcap.reading import read_track
 from skinmap.live.recording.recorder import Recorder
 from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.playback import Playback
-from skinmap.live.sources.source import Block, StreamInfo
+from skinmap.live.sources.source import Block, StreamInfo, blocks
 
 RATE = 50.0  # samples a second
 MINUTES = 10
@@ -85,14 +85,13 @@ def measure_size(
     path = folder / "size.mcap"
     recorder = Recorder(path, source.info, robot=robot)
     wanted, count, kept = round(minutes * 60 * RATE), 0, []
-    while count < wanted:
-        block = source.read(10.0)
-        if block is None:
-            continue
+    for block in blocks(source, timeout=10.0):
         if len(kept) * len(block) < PLAYED:
             kept.append(block.values)
         recorder.put(block, patience=WAIT)
         count += len(block)
+        if count >= wanted:
+            break
     source.close()
     recorder.close()
     megabytes = path.stat().st_size / 1e6
@@ -174,11 +173,7 @@ def kill_once(
     played = np.load(stored, mmap_mode="r")
     expected = played[np.arange(found) % len(played)]
     opened = bool(np.array_equal(track.values[:], expected))
-    return {
-        "found": found,
-        "lost_s": max(sent - found, 0) / RATE,
-        "opened": opened,
-    }
+    return {"found": found, "lost_s": max(sent - found, 0) / RATE, "opened": opened}
 
 
 def _reports(pipe: int, wanted: int) -> int:
@@ -205,10 +200,8 @@ def record_until_killed(stored: Path, path: Path, *, last: bool = False) -> None
     source = Playback(info, np.arange(len(values)) / RATE, values, loop=True)
     recorder = Recorder(path, info)
     sent = 0
-    while True:
-        block = source.read(1.0)
-        for row in range(0 if block is None else len(block)):
-            assert block is not None
+    for block in blocks(source):
+        for row in range(len(block)):
             recorder.put(Block(np.array([sent / RATE]), block.values[row : row + 1], 0.0))
             sent += 1
             os.write(1, REPORT.pack(sent))

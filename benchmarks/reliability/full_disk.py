@@ -105,12 +105,11 @@ def refuse(name: str, folder: Path, *, room: int = ROOM) -> dict[str, Any]:
     error = ran.exception
     said = str(error) if isinstance(error, SkinError) else repr(error)
     left = sorted(str(path.relative_to(place)) for path in place.rglob("*") if path.is_file())
-    kept = () if name not in ("record", "flatten --resume") else left  # what was there in time
     fault = ""
     if not isinstance(error, SkinError):  # those are exit code 2, in one line
         fault = f"no line: {said}"
     elif "cannot" not in said or "\n" in said:
         fault = f"no reason: {said}"
-    elif set(left) - set(kept):
+    elif left and name not in ("record", "flatten --resume"):  # what was there in time stays
         fault = f"left {left}"
     return {"said": said.replace(str(place), "").replace(str(folder), ""), "fault": fault}

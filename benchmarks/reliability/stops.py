@@ -181,24 +181,21 @@ def stop(
 
 def _judged(kind: str, code: int, said: str, result: Path, names: frozenset[str]) -> str:
     """What is wrong about how a stopped command ended; "" where nothing is."""
-    done, killed = (
-        code in (0, 3),
-        kind == "SIGKILL",
-    )  # it was ready, or goes on as if nothing had happened
+    done = code in (0, 3)  # it was ready, or goes on as if nothing had happened
     if not done and code != CODES.get(kind, 0):
         return f"exit {code}: {said[-300:]}"
     if "Traceback" in said or "Exception ignored" in said:
         return f"a traceback: {said[-500:]}"
     last = said.strip().splitlines()[-1:]
-    if not (done or killed) and not re.fullmatch(WORDS[kind], "".join(last)):
+    if not done and kind != "SIGKILL" and not re.fullmatch(WORDS[kind], "".join(last)):
         return f"said {last}"
     partial = [path.name for path in result.parent.rglob(".skinmap-*")]
     if partial and kind not in ("SIGKILL", LOCK):
         return f"left {partial}"
     if done and not (result.exists() and names_of(result) >= names):
         return f"exit {code} without {sorted(names - names_of(result))[:3] or result.name}"
-    whole = not result.exists() or opens(result, names)
-    return "" if whole else f"half a result: {result.name}"
+    half = result.exists() and not opens(result, names)
+    return f"half a result: {result.name}" if half else ""
 
 
 def _obey() -> None:
@@ -228,9 +225,8 @@ def opens(result: Path, names: frozenset[str] = frozenset()) -> bool:
         if not there or names:
             return not there or there >= names
         return any(Path(name).suffix in (".html", ".json", ".toml") for name in there)
-    read: Callable[[Path], object] = open_track
-    if result.suffix == ".skinmodel":
-        read = load_classifier
+    read: Callable[[Path], object]
+    read = load_classifier if result.suffix == ".skinmodel" else open_track
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -296,11 +292,9 @@ def wait(running: subprocess.Popen[str]) -> tuple[str, int]:
 def left_of(session: int) -> list[int]:
     """Processes of a session that are still there after GONE seconds."""
     deadline = time.monotonic() + GONE
-    while (left := _members(session)) and time.monotonic() < deadline:
+    while True:
+        every = process_table().items()
+        left = [pid for pid, one in every if int(one[3]) == session and one[0] != "Z"]
+        if not left or time.monotonic() > deadline:
+            return left
         time.sleep(0.05)
-    return left
-
-
-def _members(session: int) -> list[int]:
-    every = process_table().items()
-    return [pid for pid, fields in every if int(fields[3]) == session and fields[0] != "Z"]

@@ -158,11 +158,7 @@ def _sheet(case: int) -> Callable[[], int]:
 
     skin = wavy_skin(case)
     PreparedSkin(wavy_skin(400)).flat  # noqa: B018  (compiled code is read now)
-
-    def run() -> int:
-        return len(PreparedSkin(skin).flat.uv)
-
-    return run
+    return lambda: len(PreparedSkin(skin).flat.uv)
 
 
 MAKE: Mapping[str, Callable[[int], Callable[[], int]]] = {

@@ -14,6 +14,7 @@ import numpy as np
 
 import skinmap
 from benchmarks.harness.timing import memory_mb
+from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.layers import Layers
 from viewer.playing.player import Player
@@ -22,14 +23,13 @@ from viewer.web.scene_data import make_scene
 from viewer.web.server import WebServer, serve
 
 PERIOD = 1.0 / 50.0  # of the samples [s]
+SECONDS = 6.0  # that ages are looked at
 WARM = 2_000  # updates until caches are filled
 SIZE = (320, 240)
 
 
 def moments(skins: dict[str, Any], seed: int = 0) -> Iterator[Any]:
     """Touches that wander over the parts, appear and go, without end."""
-    from skinmap.live.contacts.named_touch import Moment, NamedTouch
-
     rng = np.random.default_rng(seed)
     number, parts = 0, list(skins)
     while True:
@@ -115,14 +115,13 @@ class Live:
         """There is nothing to give back."""
 
 
-def ages(scene: Any, seconds: float = 6.0, turn: float = 0.0) -> dict[str, float]:
+def ages(scene: Any, turn: float = 0.0) -> dict[str, float]:
     """How old what is shown is: the window's own loop, its player's thread, a source at 50 Hz.
 
     From a sample's arrival to its picture on the screen; those that say themselves that they are
     late are counted apart. The camera turns by `turn` [deg] with each picture. Ends with the
     scene closed, as a window does.
     """
-    from viewer.playing.player import Player
     from viewer.window import Window
 
     player: Any = Player(Live(moments({p: one.skin for p, one in scene.layers.items()}, seed=1)))
@@ -134,7 +133,7 @@ def ages(scene: Any, seconds: float = 6.0, turn: float = 0.0) -> dict[str, float
     late = 0  # pictures that say themselves that they are late
     start = time.perf_counter()
     try:
-        while time.perf_counter() < start + seconds:
+        while time.perf_counter() < start + SECONDS:
             if turn:
                 scene.look(20.0 + turn * window.drawn)
             before = window.drawn
@@ -147,10 +146,10 @@ def ages(scene: Any, seconds: float = 6.0, turn: float = 0.0) -> dict[str, float
             window.wait()
     finally:
         window.close()
-    told = {"drawn_per_s": (len(shown) + late) / seconds}
-    if not shown:  # a machine with so much to do that every picture says that it is late
-        return told
-    return {**told, "median_ms": 1e3 * float(np.median(shown)), "worst_ms": 1e3 * max(shown)}
+    told = {"drawn_per_s": (len(shown) + late) / SECONDS}
+    if shown:  # else a machine with so much to do that every picture says that it is late
+        told |= {"median_ms": 1e3 * float(np.median(shown)), "worst_ms": 1e3 * max(shown)}
+    return told
 
 
 def soak_torso(updates: int) -> dict[str, Any]:
@@ -207,10 +206,7 @@ def soak_page(updates: int) -> dict[str, Any]:
     skins = {PART: PreparedSkin(robot.skin(PART))}
     source = Hurried(moments({PART: skins[PART].skin}))
     warm, before = min(WARM, updates // 4), 0.0
-    with (
-        Player(source) as player,
-        serve(robot, skins, player, port=0, links=[LINK]) as server,
-    ):
+    with Player(source) as player, serve(robot, skins, player, port=0, links=[LINK]) as server:
         source.server = server
         origin = f"http://127.0.0.1:{server.port}"
         words = [f"ws://127.0.0.1:{server.port}/{server.guard.token}/live", origin, str(updates)]

@@ -95,10 +95,7 @@ def first_figures(parts: str, links: str) -> dict[str, float]:
         "icub", None if parts == "all" else [parts], links=links, window_size=SIZE
     )
     scene.refresh(360.0)
-    return {
-        "first_picture_s": time.process_time() - imported,
-        "memory_mb": peak_mb() - before,
-    }
+    return {"first_picture_s": time.process_time() - imported, "memory_mb": peak_mb() - before}
 
 
 def help_seconds(repeats: int) -> float:

@@ -166,17 +166,21 @@ def skin_options(command: F) -> F:
     return click.option("--robot", help="Robot of --part.", **robot)(command)
 
 
-def skin_of(robot: str, part: str | None, count: int) -> Skin | None:
-    """The skin of a part with as many taxels as there are channels; None without a part.
+def skin_of(robot: str, part: str | None, count: int) -> tuple[Skin | None, str]:
+    """The skin of a part with as many taxels as there are channels, and its fingerprint.
+
+    None and an empty text without a part.
 
     Raises
     ------
     SkinMismatchError
         Another number of taxels.
     """
+    from skinmap.skin.skin import fingerprint
+
     if part is None:
-        return None
+        return None, ""
     skin = open_robot(robot, (part,))[0].skin(part)
     if len(skin) != count:
         raise SkinMismatchError(f"{part!r} has {len(skin)} taxels, the samples {count} channels")
-    return skin
+    return skin, fingerprint(skin)

@@ -157,14 +157,7 @@ def work(
     """Fit the pressures of a skin."""
     from calibration.response.load_fit import fit_load
     from calibration.response.load_references import fit_prints, fit_wrench
-    from skinmap.io.recordings.load_evidence import (
-        FORCES,
-        PRINTS,
-        WRENCH,
-        check_bar,
-        read_evidence,
-    )
-    from skinmap.skin.skin import fingerprint
+    from skinmap.io.recordings.load_evidence import FORCES, PRINTS, WRENCH, check_bar, read_evidence
     from skinmap.touch.load_calibration import UNEVEN
 
     held = [read_evidence(path) for path in evidence]
@@ -176,8 +169,7 @@ def work(
     if not loads:
         raise DataFormatError("prints teach areas: a file with a known load is needed", evidence[0])
     pressed = [_pressed(one, path, area_mm2) for one, path in loads]
-    skin = skin_of(robot, part, counts[0])
-    marks = "" if skin is None else fingerprint(skin)
+    skin, marks = skin_of(robot, part, counts[0])
     when = max(path.stat().st_mtime for path in evidence)
     if any(one.reference.ndim == 2 for one in pressed):
         path = next(own for one, own in loads if one.kind == WRENCH)
@@ -269,21 +261,19 @@ def _pressed(one: LoadEvidence, path: Path, area_mm2: float | None) -> Pressed:
     from skinmap.io.recordings.load_evidence import BAR, FORCES, check_bar
 
     one, _, lost = one.on_even_rows()
-    reference = one.on_nominal_rows()
+    reference, channels = one.on_nominal_rows(), one.channels
     if one.kind in FORCES:
-        if one.channels is None and one.kind != "stand":
+        if channels is None and one.kind != "stand":
             names = "`footprint (k,)`" if one.kind == "mass_kg" else "`channels (k,)`"
             words = "" if path.suffix == ".npz" else "; only an .npz file can hold them"
             words = f"{one.kind} needs {names}: the channels that carry it{words}"
             raise DataFormatError(words, path)
         if area_mm2 is None:
             raise DataFormatError(f"{one.kind} needs --area-mm2, the area of a taxel", path)
-        count = one.samples.shape[1] if one.channels is None else len(one.channels)
-        reference = reference / (area_mm2 * 1e-6 * count) * BAR
+        if channels is None:  # a person stands on all of them, unevenly
+            channels = np.arange(one.samples.shape[1])
+        reference = reference / (area_mm2 * 1e-6 * len(channels)) * BAR
         check_bar(float(reference.max()), one.kind, path)
-    channels = one.channels
-    if one.kind in FORCES and channels is None:  # a person stands on all of them, unevenly
-        channels = np.arange(one.samples.shape[1])
     timed = one.reference_times is not None
     return Pressed(one.name, one.samples, one.rate, reference, channels, one.thermal, lost, timed)
 

@@ -37,11 +37,7 @@ MAX_NAMED = 24  # taxels with evidence that are named
 
 
 def judged_page(
-    title: str,
-    result: Calibrated,
-    lines: Iterable[str],
-    pictures: Sequence[Picture],
-    *more: str,
+    title: str, result: Calibrated, lines: Iterable[str], pictures: Sequence[Picture], *more: str
 ) -> str:
     """A whole page.
 
@@ -124,11 +120,7 @@ def evidence_table(result: PatchResult, kind: str) -> str:
 
 
 def board_picture(
-    found: PatchCalibration,
-    layout: FloatArray,
-    channels: IntArray,
-    kind: str,
-    taxels: IntArray,
+    found: PatchCalibration, layout: FloatArray, channels: IntArray, kind: str, taxels: IntArray
 ) -> bytes:
     """PNG of the flat board coloured by the predicted error, with the evidence on it.
 

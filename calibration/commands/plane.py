@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +13,7 @@ import click
 
 from calibration.commands.calibration_options import FILE, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Matrix, Spread, grade
-from skinmap.commands.options import (
-    open_robot,
-    part_option,
-    prints,
-    robot_option,
-)
+from skinmap.commands.options import open_robot, part_option, prints, robot_option
 from skinmap.errors import InvalidArrayError
 
 PROPOSED = 3  # poses for the next presses
@@ -190,11 +186,7 @@ def read_planes(words: Sequence[str]) -> list[Plane] | None:
 
 
 def work(
-    robot: Robot,
-    parts: Sequence[str],
-    *,
-    evidence: Sequence[Path],
-    planes: Sequence[str],
+    robot: Robot, parts: Sequence[str], *, evidence: Sequence[Path], planes: Sequence[str]
 ) -> tuple[PlaneResult, PlaneEvidence, PlaneFit]:
     """Fit mounts to presses, and propose the next ones."""
     import numpy as np
@@ -247,17 +239,10 @@ def _still(robot: Robot, evidence: PlaneEvidence) -> list[str]:
     """Words on joints without angles."""
     from calibration.plane.poses import stood_still
 
-    still = {
-        joint: None
-        for part in evidence.contacts.active
-        for joint in stood_still(robot, part, evidence.joints)
-    }
-    if not still:
-        return []
-    return [
-        f"{', '.join(still)} have no angles: they are taken to have stood still, and planes are "
-        "given as if at zero"
-    ]
+    joints = (stood_still(robot, part, evidence.joints) for part in evidence.contacts.active)
+    still = ", ".join(dict.fromkeys(chain.from_iterable(joints)))
+    words = "have no angles: they are taken to have stood still, and planes are given as if at zero"
+    return [f"{still} {words}"] if still else []
 
 
 def _proposed(robot: Robot, presses: PlaneEvidence, fit: PlaneFit) -> list[NextPress]:
@@ -286,7 +271,6 @@ def _proposed(robot: Robot, presses: PlaneEvidence, fit: PlaneFit) -> list[NextP
 
 def _write(robot: Robot, evidence: PlaneEvidence, fit: PlaneFit, folder: Path) -> list[str]:
     from calibration.files.mount_files import write_mounts
-    from calibration.files.tables import write_taxels
 
     mounts = {
         "mounts": fit.mounts,
@@ -296,12 +280,11 @@ def _write(robot: Robot, evidence: PlaneEvidence, fit: PlaneFit, folder: Path) -
             {"point": one.point.tolist(), "normal": one.normal.tolist()} for one in fit.planes
         ],
     }
-    files = [write_mounts(mounts, folder / "mounts.json")]
-    for part in evidence.contacts.active:
-        table = folder / f"taxels_{part}.csv"
-        places, covariances = fit.places[part], fit.place_covariances[part]
-        files.append(write_taxels(robot.skin(part).channels, places, covariances, table))
-    return files
+    tables = {
+        f"taxels_{part}": (robot.skin(part).channels, places, fit.place_covariances[part])
+        for part, places in fit.places.items()
+    }
+    return write_mounts(mounts, tables, folder)
 
 
 def _page(evidence: PlaneEvidence, fit: PlaneFit, result: PlaneResult) -> str:

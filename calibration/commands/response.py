@@ -82,11 +82,7 @@ def response(output: Outputs, **given: Any) -> None:
 
 
 def work(
-    *,
-    rest: Path,
-    reference: Path | None,
-    robot: str,
-    part: str | None,
+    *, rest: Path, reference: Path | None, robot: str, part: str | None
 ) -> tuple[ResponseResult, ResponseCalibration]:
     """Learn the response of a skin, and judge its channels."""
     import numpy as np
@@ -94,7 +90,6 @@ def work(
     from calibration.files.mount_files import rate_of, read_samples, sign_of
     from calibration.response.gain import ReferenceLoads, explained
     from calibration.response.response import RATE, Health, ResponseCalibration, restless
-    from skinmap.skin.skin import fingerprint
 
     arrays = read_samples(rest)
     samples = np.asarray(arrays["samples"], np.float64)
@@ -102,8 +97,7 @@ def work(
     if reference is not None:
         given = read_samples(reference, ("samples", "loads"))
         loads = ReferenceLoads(given["samples"], given["loads"])
-    skin = skin_of(robot, part, np.shape(arrays["samples"])[-1])
-    marks = "" if skin is None else fingerprint(skin)
+    skin, marks = skin_of(robot, part, np.shape(arrays["samples"])[-1])
     found = ResponseCalibration.fit(
         samples,
         loads,

@@ -89,10 +89,7 @@ class ScanFiles:
     "--taxels", "taxels_file", type=FILE,
     help="Taxels seen in the scan, in its frame: CSV `channel,x,y,z[,sigma]`.",
 )  # fmt: skip
-@outputs(
-    "pose.json and report.html",
-    required=True,
-)
+@outputs("pose.json and report.html", required=True)
 @prints(ScanResult)
 def scan(output: Outputs, **given: Any) -> None:
     """Register a scan of a link to its mesh, from a pose within 30 degrees and 30 mm.

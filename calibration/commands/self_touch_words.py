@@ -17,7 +17,6 @@ from skinmap.geometry.rigid import transform_points
 
 OVERFIT = 1.5  # times the misses of the fit that unseen touches may miss by
 SLIPPED = 10e-3  # how far a tip may lie from where it was thought to be without a word [m]
-Judged = Iterator[tuple[str, str]]
 
 
 def placed(chain: Chain, fit: SelfTouchFit) -> tuple[IntArray, FloatArray, FloatArray]:
@@ -46,15 +45,16 @@ def touched(data: SelfTouchData, fit: SelfTouchFit, name: str) -> BoolArray:
 
 def judge(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> list[tuple[str, str]]:
     """Statuses with their reasons, the gravest first; none where all is well."""
-    return [
-        *_contradictions(fit),
-        *_unobservable(data, fit, asked),
-        *_uncovered(data, fit),
-        *_too_few(fit),
-    ]
+    checks = (
+        (Status.AMBIGUOUS, _contradictions(fit)),
+        (Status.UNOBSERVABLE, _unobservable(data, fit, asked)),
+        (Status.LOW_COVERAGE, _uncovered(data, fit)),
+        (Status.AMBIGUOUS, _too_few(fit)),
+    )
+    return [(status, reason) for status, check in checks for reason in check]
 
 
-def _contradictions(fit: SelfTouchFit) -> Judged:
+def _contradictions(fit: SelfTouchFit) -> Iterator[str]:
     left = [name for name in fit.inconsistent if name not in fit.dropped]
     if not left:
         return
@@ -62,64 +62,57 @@ def _contradictions(fit: SelfTouchFit) -> Judged:
     own = [name for name in left if name in fit.agreement.senseless]
     both_stay = "of two the wrong one is unknown, so both stay"
     if own:
-        why = (
+        yield (
             f"{one}: poses and touches of {', '.join(own)} do not belong together (wrong joints, "
             "another time, or another robot)"
-        )
-        why += f"; {both_stay}" if len(fit.medians) == 2 else ""
+        ) + (f"; {both_stay}" if len(fit.medians) == 2 else "")
     elif len(fit.medians) == 1:
-        why = (
+        yield (
             f"{one}: explained only by zeros of joints further off than joints are; a mount that "
             "is not calibrated may be wrong"
         )
     elif len(fit.medians) == 2:
-        why = f"{one} contradict each other; {both_stay}"
+        yield f"{one} contradict each other; {both_stay}"
     else:
-        why = f"{one}: one of them contradicts the others; which one is unknown, so all stay"
-    yield Status.AMBIGUOUS, why
+        yield f"{one}: one of them contradicts the others; which one is unknown, so all stay"
 
 
-def _unobservable(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> Judged:
+def _unobservable(data: SelfTouchData, fit: SelfTouchFit, asked: Sequence[str]) -> Iterator[str]:
     for name in fit.mounts:
         half = pitch_of(data.chains[name].taxels) / 2
         _, places, covariance = placed(data.chains[name], fit)
         sd = float(np.median(predicted(data.chains[name], fit)))
         if sd > half:
             yield (
-                Status.UNOBSERVABLE,
                 f"taxels of {name} are known to {MM * sd:.1f} mm only, half a pitch is "
-                f"{MM * half:.1f} mm; the patch {weak_direction(places, covariance)}",
+                f"{MM * half:.1f} mm; the patch {weak_direction(places, covariance)}"
             )
     half = min(pitch_of(data.chains[name].taxels) for name in fit.mounts) / 2
     if fit.split_shift > half:
         yield (
-            Status.UNOBSERVABLE,
             f"taxels move by {MM * fit.split_shift:.1f} mm between fits to two halves, half "
-            f"a pitch is {MM * half:.1f} mm: more touches, in other poses",
+            f"a pitch is {MM * half:.1f} mm: more touches, in other poses"
         )
     for name in fit.left_alone:
         if name in asked:
-            words = f"{name}: all its recordings were left out, its mount is as it came"
-            yield Status.UNOBSERVABLE, words
+            yield f"{name}: all its recordings were left out, its mount is as it came"
 
 
-def _uncovered(data: SelfTouchData, fit: SelfTouchFit) -> Judged:
+def _uncovered(data: SelfTouchData, fit: SelfTouchFit) -> Iterator[str]:
     for name in fit.mounts:
         share = float(touched(data, fit, name).mean())
         if share < COVERAGE:
             yield (
-                Status.LOW_COVERAGE,
                 f"{100 * share:.0f} % of the taxels of {name} were touched, {100 * COVERAGE:.0f} % "
-                "are needed: those far from the others are a guess",
+                "are needed: those far from the others are a guess"
             )
 
 
-def _too_few(fit: SelfTouchFit) -> Judged:
+def _too_few(fit: SelfTouchFit) -> Iterator[str]:
     if fit.held_out > OVERFIT * fit.rms_after:
         yield (
-            Status.AMBIGUOUS,
             f"touches that the fit never saw are missed by {MM * fit.held_out:.1f} mm, those "
-            f"it saw by {MM * fit.rms_after:.1f} mm: too few touches",
+            f"it saw by {MM * fit.rms_after:.1f} mm: too few touches"
         )
 
 

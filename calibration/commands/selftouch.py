@@ -114,10 +114,7 @@ class SelfTouchResult(Calibrated):
 @outputs("mounts, taxels and the report")
 @prints(SelfTouchResult)
 def selftouch(
-    recordings: tuple[Path, ...],
-    robot: str | None,
-    names: tuple[str, ...],
-    output: Outputs,
+    recordings: tuple[Path, ...], robot: str | None, names: tuple[str, ...], output: Outputs
 ) -> None:
     """Mounts of skin patches from a robot that touches itself: RECORDING files, or a folder.
 
@@ -225,14 +222,10 @@ def _offsets(data: SelfTouchData, fit: SelfTouchFit) -> dict[str, float]:
 def _write(data: SelfTouchData, fit: SelfTouchFit, folder: Path) -> list[str]:
     from calibration.commands.self_touch_words import placed
     from calibration.files.mount_files import write_mounts
-    from calibration.files.tables import write_taxels
 
     found = {"mounts": fit.mounts, "tips": fit.tips, "joint_offsets": _offsets(data, fit)}
-    files = [write_mounts(found, folder / "mounts.json")]
-    for name in fit.mounts:
-        table = folder / f"taxels_{name}.csv"
-        files.append(write_taxels(*placed(data.chains[name], fit), table))
-    return files
+    tables = {f"taxels_{name}": placed(data.chains[name], fit) for name in fit.mounts}
+    return write_mounts(found, tables, folder)
 
 
 def _page(data: SelfTouchData, fit: SelfTouchFit, result: SelfTouchResult) -> str:

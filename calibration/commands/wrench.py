@@ -145,13 +145,10 @@ def _write(name: str, placed: PlacedPatch, folder: Path) -> list[str]:
     import numpy as np
 
     from calibration.files.mount_files import write_mounts
-    from calibration.files.tables import write_taxels
 
-    files = [write_mounts({"mounts": {name: placed.mount}}, folder / "mounts.json")]
-    if placed.taxels:
-        channels, table = np.arange(len(placed.places)), folder / "taxels.csv"
-        files.append(write_taxels(channels, placed.places, placed.covariance, table))
-    return files
+    taxels = np.arange(len(placed.places)), placed.places, placed.covariance
+    tables = {"taxels": taxels} if placed.taxels else {}
+    return write_mounts({"mounts": {name: placed.mount}}, tables, folder)
 
 
 def _page(name: str, placed: PlacedPatch, result: WrenchResult) -> str:

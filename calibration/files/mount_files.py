@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from calibration.files.tables import read_numbers
+from calibration.files.tables import read_numbers, write_taxels
 from calibration.mount.chains import joint_columns
 from calibration.plane.model import PlaneContacts
 from skinmap.archive import open_arrays, quiet_headers
@@ -32,6 +32,7 @@ from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 
 WRENCH = ("points", "frames", "forces", "moments")
+Placed = tuple[IntArray, FloatArray, FloatArray]  # channels, places [m] and covariances of taxels
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -185,12 +186,16 @@ def _need(arrays: Mapping[str, NDArray[Any]], names: tuple[str, ...], path: Path
         )
 
 
-def write_mounts(mounts: dict[str, Any], path: Path) -> str:
-    """Write mounts T_link_patch [m] and what belongs to them, with full digits; the file's name."""
+def write_mounts(mounts: dict[str, Any], tables: Mapping[str, Placed], folder: Path) -> list[str]:
+    """Write mounts.json and tables of taxels by their names; the files' names.
+
+    `mounts` holds T_link_patch [m] and what belongs to them, which are kept with full digits.
+    """
     kept = {"format": "skinmap-mounts-1", **mounts}
     text = json.dumps(kept, indent=2, allow_nan=False, default=np.ndarray.tolist)
-    path.write_text(text + "\n", encoding="utf-8")
-    return path.name
+    (folder / "mounts.json").write_text(text + "\n", encoding="utf-8")
+    written = [write_taxels(*placed, folder / f"{name}.csv") for name, placed in tables.items()]
+    return ["mounts.json", *written]
 
 
 EXPECTED = "presses on a flat surface (.npz, or a recording .mcap)"
@@ -277,7 +282,7 @@ def _from_arrays(path: Path, robot: Robot, parts: Sequence[str]) -> PlaneEvidenc
             f"lacks active_PART or ids_PART with ptr_PART; the arrays are: {', '.join(arrays)}",
             path,
         )
-    for part in (*found, *parts):
+    for part in found:
         robot.part(part)
     for part in parts:
         if part not in found:

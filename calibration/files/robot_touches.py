@@ -19,12 +19,7 @@ from calibration.files.self_touch_files import (
 )
 from calibration.mount.chains import Chain, TouchRecording, robot_chain
 from skinmap.arrays import IntArray
-from skinmap.errors import (
-    DataFormatError,
-    InvalidArrayError,
-    SkinMismatchError,
-    UnknownNameError,
-)
+from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, UnknownNameError
 from skinmap.skin.robot import Robot, check_link, common_ancestor
 from skinmap.skin.skin import fingerprint
 

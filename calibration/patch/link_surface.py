@@ -8,7 +8,7 @@ from __future__ import annotations
 import hashlib
 from collections import OrderedDict
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 from scipy.spatial import Delaunay
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
-from skinmap.disk_cache import Arrays, Ingredient, cached
+from skinmap.disk_cache import Arrays, cached
 from skinmap.geometry.proximity import closest_on_mesh, edge_graph, median_spacing
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import face_normals, unit, vertex_normals
@@ -56,14 +56,11 @@ class Target:
     normals: FloatArray
     _tree: Any
     _link: tuple[FloatArray, IntArray]
-    _graph: Any = None
 
-    @property
+    @cached_property
     def graph(self) -> csr_array:
-        """(n, n) edges with their lengths [m], made once."""
-        if self._graph is None:
-            self._graph = edge_graph(self.vertices, edges(self.faces))
-        return self._graph
+        """(n, n) edges with their lengths [m]."""
+        return edge_graph(self.vertices, edges(self.faces))
 
     def project(
         self, points: FloatArray, facing: FloatArray | None = None
@@ -93,9 +90,8 @@ class Target:
         shell = np.flatnonzero(np.einsum("kd,kd->k", other, normals) < 0.0)
         found = np.zeros(len(points), bool)
         if len(shell):
-            vertices, faces = self._link
-            _, face, _ = closest_on_mesh(points[shell], vertices, faces)
-            own = face_normals(vertices, faces[face])
+            _, face, _ = closest_on_mesh(points[shell], *self._link)
+            own = face_normals(self._link[0], self._link[1][face])
             found[shell] = np.einsum("kd,kd->k", own, normals[shell]) < 0.0
         return found
 
@@ -121,9 +117,7 @@ def make_target(vertices: FloatArray, faces: IntArray) -> Target:
     vertices = _as_stored(vertices)
     key = hashlib.sha256(vertices.tobytes() + faces.tobytes()).hexdigest()
     if key not in _targets:
-        how: list[Ingredient] = [
-            vertices, faces, ALPHA, OFFSET, CHORD, OPEN, DETAIL, ROUNDING, SHIFT
-        ]  # fmt: skip
+        how = (vertices, faces, ALPHA, OFFSET, CHORD, OPEN, DETAIL, ROUNDING, SHIFT)
         wrap = partial(_wrap_of, vertices, faces)
         made = cached("target", how, wrap, made_by=("pymeshlab", "libigl"))
         _targets[key] = _made(made["vertices"], made["faces"], (vertices, one_way(vertices, faces)))
@@ -450,17 +444,18 @@ def chords(
 
     A length d along a surface that turns by the angle t has a chord of d (1 - t^2 / 24).
     """
-    i, j = board.pairs.T
-    step = positions[j] - positions[i]
-    chord = np.linalg.norm(step, axis=1)
-    along = step / np.maximum(chord, 1e-12)[:, None]
+    chord, along = _steps(positions, board.pairs)
     return chord, along, board.lengths * shortening(positions, normals, board.pairs)
+
+
+def _steps(places: FloatArray, pairs: IntArray) -> tuple[FloatArray, FloatArray]:
+    step = places[pairs[:, 1]] - places[pairs[:, 0]]
+    length = np.linalg.norm(step, axis=1)
+    return length, step / np.maximum(length, 1e-12)[:, None]
 
 
 def shortening(places: FloatArray, normals: FloatArray, pairs: IntArray) -> FloatArray:
     """(p,) chords against lengths along the surface, from how its normals turn on the way."""
-    i, j = pairs.T
-    step = places[j] - places[i]
-    along = step / np.maximum(np.linalg.norm(step, axis=1), 1e-12)[:, None]
-    bend = np.clip(np.einsum("pd,pd->p", normals[j] - normals[i], along), -1.5, 1.5)
+    turned = normals[pairs[:, 1]] - normals[pairs[:, 0]]
+    bend = np.clip(np.einsum("pd,pd->p", turned, _steps(places, pairs)[1]), -1.5, 1.5)
     return np.asarray(1.0 - bend**2 / 24.0)

@@ -42,14 +42,12 @@ def log_map_start(
     the surface. What lies beyond the map's reach is carried on in the plane of its nearest
     known points.
     """
-    best: tuple[float, FloatArray, FloatArray, FloatArray] | None = None
+    laid = []
     for vertices, uv, there in _maps(target, layout, points, source):
         turn, shift = rigid_2d(places, there)
         missed = float(np.linalg.norm(places @ turn.T + shift - there, axis=1).mean())
-        if best is None or missed < best[0]:
-            best = missed, vertices, uv, layout @ turn.T + shift
-    assert best is not None
-    _, vertices, uv, wanted = best
+        laid.append((missed, vertices, uv, layout @ turn.T + shift))
+    _, vertices, uv, wanted = min(laid, key=lambda one: one[0])
     # Where the map overlaps itself (round a limb) the place on the near side counts: the
     # nearest few in the plane, of those the ones on the sheet of the nearest one.
     _, index = cKDTree(uv).query(wanted, k=min(NEAR, len(uv)))
@@ -229,11 +227,7 @@ def _as_flat_maps(target: Target, found: list[Minimum], evidence: Evidence) -> l
 
 
 def _softly(
-    target: Target,
-    board: Board,
-    evidence: Evidence,
-    state: State,
-    passed: list[list[State]],
+    target: Target, board: Board, evidence: Evidence, state: State, passed: list[list[State]]
 ) -> State | None:
     """Carry a start through all stages but the last; None once it is where another one passed.
 

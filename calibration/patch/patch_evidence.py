@@ -20,7 +20,7 @@ from skinmap.geometry.proximity import closest_on_mesh, median_spacing
 from skinmap.summary import first_few
 
 FEWEST = 3
-UNITS = {1e-3: "millimetres", 1e-2: "centimetres", 0.0254: "inches", 1.0: "metres"}
+UNITS = {1e-3: "millimetres", 1e-2: "centimetres", 0.0254: "inches"}  # beside metres
 RATIO = (0.5, 1.6)  # anchors' distances against the layout's: bent lengths are shorter
 IN_A_ROW = 0.05  # second singular value of the anchors against the first
 FAR = 0.03  # anchors lie on the cover, not further than this from the link [m]
@@ -47,9 +47,9 @@ def check_layout(layout: ArrayLike) -> FloatArray:
     if not PITCH[0] <= pitch <= PITCH[1]:
         hint = [
             f"; is it in {name}? Multiply all lengths by {factor:g}"
-            for unit, name in UNITS.items()
-            for factor, name in ((unit, name), (1.0 / unit, f"metres, not {name}"))
-            if PITCH[0] <= pitch * factor <= PITCH[1] and unit != 1.0
+            for unit, other in UNITS.items()
+            for factor, name in ((unit, other), (1.0 / unit, f"metres, not {other}"))
+            if PITCH[0] <= pitch * factor <= PITCH[1]
         ]
         raise InvalidArrayError(
             f"the taxels of the layout are {pitch:.3g} m apart, expected {PITCH[0]:g} to "
@@ -81,7 +81,7 @@ def check_anchors(
     indices: ArrayLike,
     points: ArrayLike,
     sigma: ArrayLike,
-    names: IntArray | None = None,
+    names: IntArray,
 ) -> Evidence:
     """Anchors (k,) and (k, 3) [m]: enough of them, apart, near the link and in its units."""
     where = check_points(points, "anchor_points")
@@ -98,7 +98,7 @@ def check_anchors(
         raise InvalidArrayError(
             f"anchor {wrong[0]} is taxel {taxels[wrong[0]]}, the layout has 0..{len(layout) - 1}"
         )
-    called = (np.arange(len(layout)) if names is None else names)[taxels]
+    called = names[taxels]
     values, count = np.unique(called, return_counts=True)
     if (count > 1).any():
         name = values[count > 1][0]
@@ -160,7 +160,7 @@ def mixed_units(ratio: float, fair: tuple[float, float], larger: str, smaller: s
     """Which of two things of a ratio of lengths is in which unit, if that makes the ratio fair."""
     for unit, name in UNITS.items():
         for what, factor in ((larger, unit), (smaller, 1.0 / unit)):
-            if unit != 1.0 and fair[0] <= ratio * factor <= fair[1]:
+            if fair[0] <= ratio * factor <= fair[1]:
                 return f"is the {what} in {name}? Multiply its lengths by {unit:g}"
     return ""
 
@@ -171,8 +171,7 @@ def _check_near(link: Link, points: FloatArray, called: IntArray) -> None:
     if not far.any():
         return
     which = f"the anchors of channels {first_few(called[far].tolist(), LISTED)}"
-    others = {name: unit for unit, name in UNITS.items() if unit != 1.0 and far.all()}
-    for name, unit in others.items():
+    for unit, name in UNITS.items() if far.all() else ():
         for factor, what in ((unit, "the mesh"), (1.0 / unit, "all but the mesh")):
             scaled, _, _ = closest_on_mesh(points, link[0] * factor, link[1])
             if (scaled <= FAR).all():

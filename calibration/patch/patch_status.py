@@ -113,7 +113,8 @@ def judge(
     places = evidence.blend[agrees] @ board.layout
     share = coverage(board.layout, places)
     needed = TOUCHED if evidence.doubted.any() else COVERAGE
-    stated = _widening(evidence, best.cost) * covariance
+    # Anchors that miss more than their stated errors explain widen them.
+    stated = max(1.0, best.cost / (_freedom(evidence) or np.inf)) * covariance
     if share < needed:
         astray = ASTRAY * _beyond(board.layout, places)
         stated = stated + astray[:, None, None] ** 2 * np.eye(3)
@@ -302,21 +303,18 @@ def _contradictions(evidence: Evidence, left_out: LeftOut, names: Names) -> Iter
         )
 
 
-def _widening(evidence: Evidence, cost: float) -> float:
-    """How much more anchors miss than their stated errors explain, in variance; at least 1.
+def _freedom(evidence: Evidence) -> int:
+    """Degrees of freedom of the cost of anchors; 0 where there are too few.
 
-    Of touches, whose loss bounds what a wrong one costs, the cost is no such measure.
+    Of touches, whose loss bounds what a wrong one costs, the cost is no measure.
     """
-    free = 3 * len(evidence) - PLACED
-    return 1.0 if evidence.doubted.any() or free <= 0 else max(1.0, cost / free)
+    return 0 if evidence.doubted.any() else max(0, 3 * len(evidence) - PLACED)
 
 
 def _costly(evidence: Evidence, cost: float) -> Iterator[Finding]:
     """Anchors that together fit worse than their errors explain, though none stands out."""
-    free = 3 * len(evidence.sigma) - PLACED
-    if evidence.doubted.any() or free <= 0:
-        return
-    most = float(chdtri(free, UNLIKELY))
+    free = _freedom(evidence)
+    most = float(chdtri(free, UNLIKELY)) if free else np.inf
     if cost > most:
         yield (
             Doubt.MISFIT,

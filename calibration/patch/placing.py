@@ -115,12 +115,7 @@ class Problem:
     seed: int
 
     def tried(
-        self,
-        layout: FloatArray,
-        evidence: Evidence,
-        *,
-        wide: bool = False,
-        patient: bool = False,
+        self, layout: FloatArray, evidence: Evidence, *, wide: bool = False, patient: bool = False
     ) -> PatchCalibration:
         """The patch that other input gives, judged in the same way; by more starts if patient."""
         board = make_board(layout, self.modules)
@@ -151,7 +146,10 @@ def lay(
     mirror: bool,
     rng: np.random.Generator | int,
 ) -> PatchCalibration:
-    """A board checked and laid on its link, by what is gathered of layout, link and channels."""
+    """A board checked and laid on its link, by what is gathered of layout, link and channels.
+
+    The patch is judged, and explained where it is doubtful.
+    """
     rng = np.random.default_rng(rng)
     flat = check_layout(layout) * ([-1.0, 1.0] if mirror else [1.0, 1.0])
     rows = np.arange(len(flat))
@@ -160,18 +158,14 @@ def lay(
     mesh = check_link(*link)
     evidence = gather(flat, mesh, names.channels)
     seed = int(rng.integers(2**32))
-    return solve(Problem(make_target(*mesh), flat, plates, evidence, names, mirror, seed), rng)
-
-
-def solve(problem: Problem, rng: np.random.Generator) -> PatchCalibration:
-    """The patch, judged, and explained where it is doubtful."""
+    problem = Problem(make_target(*mesh), flat, plates, evidence, names, mirror, seed)
     # One thread: matrices of one patch are too small for more, and sums in another order would end
     # in other bits.
     with threadpool_limits(limits=1, user_api="blas"):
-        board = make_board(problem.layout, problem.modules)
-        first = _first(problem.target, board, problem.evidence)
-        minima = find_minima(problem.target, board, problem.evidence, first, rng=rng)
-        return explained(problem, judge(problem.target, problem.evidence, minima, problem.names))
+        board = make_board(flat, plates)
+        first = _first(problem.target, board, evidence)
+        minima = find_minima(problem.target, board, evidence, first, rng=rng)
+        return explained(problem, judge(problem.target, evidence, minima, names))
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,7 +179,7 @@ class Cause:
 def explained(problem: Problem, found: PatchCalibration) -> PatchCalibration:
     """A doubtful patch with the mistake that explains it as its first reason, if there is one."""
     found = replace(found, mirrored=problem.mirror)
-    if not MISTAKES & set(found.doubts):
+    if _consistent(found):
         return found
     cause = _mirrored(problem)
     if cause is not None:

@@ -189,11 +189,8 @@ def fit_plane(
     odd = contradicting(problem, best)
     if rival is None:
         rival = second_place(problem, [best, *rivals(problem, best, starts[0])])
-    names = [str(k) for k in range(contacts.angles.shape[1])]
-    return _result(
-        problem, best, odd, (dead, stuck), rival,
-        list(joint_names) if joint_names is not None else names,
-    )  # fmt: skip
+    names = joint_names or [str(k) for k in range(contacts.angles.shape[1])]
+    return _result(problem, best, odd, (dead, stuck), rival, names)
 
 
 def _checked(
@@ -317,7 +314,7 @@ def _result(
     odd: tuple[int, ...],
     faulty: tuple[Faulty, Faulty],
     rival: float | None,
-    joint_names: list[str],
+    joint_names: Sequence[str],
 ) -> PlaneFit:
     state, layout = best.state, best.layout
     slopes = place_slopes(problem, state, layout)

@@ -318,12 +318,7 @@ class PlaneProblem:
                     slopes[rows, :, column + k] = off @ tangent
 
     def _add(
-        self,
-        name: str,
-        state: PlaneState,
-        layout: Layout,
-        normal: FloatArray,
-        slope: FloatArray,
+        self, name: str, state: PlaneState, layout: Layout, normal: FloatArray, slope: FloatArray
     ) -> float:
         """Add one patch's evidence to the upper triangle of `normal` and to `slope`."""
         usable = self.patches[name].usable

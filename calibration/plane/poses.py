@@ -237,9 +237,7 @@ def _information(
     parts, shared, alone = [], [], []
     for name, patch in problem.patches.items():
         contacts = PlaneContacts(
-            angles[None],
-            {name: np.zeros((1, len(patch.module)), np.bool_)},
-            np.array([surface]),
+            angles[None], {name: np.zeros((1, len(patch.module)), np.bool_)}, np.array([surface])
         )
         single = PlaneProblem(contacts, {name: patch}, problem.joint_sigma, problem.tilting)
         own = state.copy()

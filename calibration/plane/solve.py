@@ -206,14 +206,11 @@ def first_states(problem: PlaneProblem, planes: Sequence[Plane] | None) -> list[
     places, back = _middles(problem)
     if planes is not None:
         return [_state(problem, [_facing(problem, one, k, back) for k, one in enumerate(planes)])]
-    starts = []
-    for kind in ("spread", "side"):
-        chosen = []
-        for number in range(problem.surfaces):
-            rows = problem.contacts.surface == number
-            chosen.append(_first_plane(places[rows], back[rows], kind))
-        starts.append(_state(problem, chosen))
-    return starts
+    pressed = [problem.contacts.surface == number for number in range(problem.surfaces)]
+    return [
+        _state(problem, [_first_plane(places[rows], back[rows], kind) for rows in pressed])
+        for kind in ("spread", "side")
+    ]
 
 
 def _state(problem: PlaneProblem, planes: Sequence[Plane]) -> PlaneState:

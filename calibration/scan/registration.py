@@ -106,30 +106,24 @@ def register(scene: Scene, start: FloatArray, *, roughly: bool = False) -> Float
 
     pose = start
     criteria = o3d.ICPConvergenceCriteria(1e-5, 1e-5, STEPS)
-    kernels = [None] * len(STAGES) + [o3d.TukeyLoss(k=WIDTH)]
+    source = scene._few if roughly else scene._source
+    kernels: list[Any] = [()] * len(STAGES) + [(o3d.TukeyLoss(k=WIDTH),)]
     for reach, kernel in zip((*STAGES, STAGES[-1]), kernels, strict=True):
-        plane = (
-            o3d.TransformationEstimationPointToPlane()
-            if kernel is None
-            else o3d.TransformationEstimationPointToPlane(kernel)
-        )
-        pose = o3d.registration_icp(
-            scene._few if roughly else scene._source, scene._surface, reach, pose, plane, criteria
-        ).transformation
+        plane = o3d.TransformationEstimationPointToPlane(*kernel)
+        found = o3d.registration_icp(source, scene._surface, reach, pose, plane, criteria)
+        pose = found.transformation
     return np.asarray(pose)
 
 
 def polish(scene: Scene, pose: FloatArray) -> tuple[FloatArray, float]:
     """The pose on the mesh itself, not on samples of it, and the standoff [m]: 0 of a bare link."""
-    found = _stepped(scene, _rounded(pose), 0.0, 7)
-    return found if abs(found[1]) > COVERED else _stepped(scene, found[0], 0.0, 6)
+    found = _stepped(scene, _rounded(pose), 7)
+    return found if abs(found[1]) > COVERED else _stepped(scene, found[0], 6)
 
 
-def _stepped(
-    scene: Scene, pose: FloatArray, standoff: float, count: int
-) -> tuple[FloatArray, float]:
+def _stepped(scene: Scene, pose: FloatArray, count: int) -> tuple[FloatArray, float]:
     """Gauss and Newton's steps with Tukey's weights, of the pose (6) and the standoff (7)."""
-    expected = (NOISE / COVER_SIGMA) ** 2
+    standoff, expected = 0.0, (NOISE / COVER_SIGMA) ** 2
     for number in range(POLISH):
         width = WIDTH * (WIDER if count > 6 and 2 * number < POLISH else 1.0)
         rows, high, weight, middle = linearised(scene, pose, standoff, width)

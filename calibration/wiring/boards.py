@@ -5,11 +5,11 @@ Faults of modules, chains and channels, and the map that corrects them, are here
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations
 from pathlib import Path
-from typing import Literal, get_args
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -26,10 +26,9 @@ from skinmap.skin.taxels import TaxelTable
 
 CHAIN = 16  # modules that one board of the iCub's reads: 192 channels of the live vector
 SAME_PLACE = 0.35  # of a pitch: a turned slot that comes so near another one stands in its place
-ELEMENTS = ("as it is", "turned 120", "turned 240", "mirrored 0", "mirrored 120", "mirrored 240")
 
-
-# (6, 2, 2) what a triangle may suffer: turns by 0, 120, 240 degrees, and a mirror after.
+# (6, 2, 2) what a triangle may suffer, in this order: as it is, turned by 120 and 240 degrees, and
+# mirrored after a turn by 0, 120 and 240 degrees.
 _TURNS = plane_turns(np.radians([0.0, 120.0, 240.0]))
 GROUP = np.concatenate([_TURNS, _TURNS @ np.diag([-1.0, 1.0])])
 
@@ -64,7 +63,7 @@ class Boards:
     chains, spots : (m,) int
         Chain (connector) of each module, and its place on it.
     places : (m, 6, k, 3) float
-        Places of the slots for each of `ELEMENTS` [m]; NaN where there is none.
+        Places of the slots for each element of `GROUP` [m]; NaN where there is none.
     outward : (m, 3) float
         Normal of each module.
     turns : (6, k) int or None
@@ -148,18 +147,9 @@ def boards_of(robot: Robot, part: str) -> Boards:
         _turn(places, table, layout)
     address = _addresses(table, numbers, layout)
     return Boards(
-        part,
-        table,
-        normals,
-        numbers,
-        columns,
-        address // CHAIN,
-        address % CHAIN,
-        places,
-        outward,
-        turns,
-        median_spacing(table.positions),
-    )
+        part, table, normals, numbers, columns, address // CHAIN, address % CHAIN, places, outward,
+        turns, median_spacing(table.positions),
+    )  # fmt: skip
 
 
 def _columns(table: TaxelTable, numbers: IntArray, layout: ModuleLayout | None) -> IntArray:
@@ -223,7 +213,7 @@ class Wiring:
     site : (m,) int
         Site that the channels of a module read; -1: none.
     element : (m,) int
-        How the board on each site is laid (of `ELEMENTS`).
+        How the board on each site is laid (of `GROUP`).
     order : (m, k) int
         Slot of the board that stands for each channel of its module.
     mute : (m,) bool
@@ -252,33 +242,6 @@ class Wiring:
         read = np.flatnonzero(self.site >= 0)
         owner[self.site[read]] = read
         return owner
-
-    def moved(self, moves: dict[int, int]) -> Wiring:
-        """Modules (keys) that read the sites of others (values; -1: none)."""
-        site = self.site.copy()
-        for module, other in moves.items():
-            site[module] = -1 if other < 0 else self.site[other]
-        return replace(self, site=site)
-
-    def laid(self, module: int, element: int) -> Wiring:
-        """The board that a module reads laid otherwise."""
-        elements = self.element.copy()
-        place = self.site[module]
-        elements[place] = compose(element, int(elements[place]))
-        return replace(self, element=elements)
-
-    def exchanged(self, module: int, one: int, other: int) -> Wiring:
-        """Two channels of a module exchanged."""
-        order = self.order.copy()
-        place = self.site[module]
-        order[place, [one, other]] = order[place, [other, one]]
-        return replace(self, order=order)
-
-    def silenced(self, modules: list[int]) -> Wiring:
-        """Modules that send nothing."""
-        mute = self.mute.copy()
-        mute[modules] = True
-        return replace(self, mute=mute)
 
     def places(self, boards: Boards) -> FloatArray:
         """(n, 3) where the channel of each row of the table really is [m]; NaN: nowhere."""
@@ -313,11 +276,10 @@ class Wiring:
         return out
 
 
-Kind = Literal[
+KINDS = (
     "swapped_modules", "turned_module", "mirrored_module", "mute_module",
     "swapped_chains", "reversed_chain", "mute_chain", "swapped_channels",
-]  # fmt: skip
-KINDS: tuple[str, ...] = get_args(Kind)
+)  # fmt: skip
 # How a faulty skin's probability is shared out: modules and chains alike, as nobody has counted;
 # channels inside a module less, as they are soldered and not plugged.
 SHARE = dict.fromkeys(KINDS, 1.0) | {"swapped_channels": 0.1}
@@ -336,7 +298,7 @@ class Fault:
     modules : tuple of int
         Places of the modules in `Boards.numbers`.
     element : int
-        How a turned or mirrored module is laid (of `ELEMENTS`).
+        How a turned or mirrored module is laid (of `GROUP`).
     chains : tuple of int
         Of a fault of chains.
     slots : tuple of int
@@ -364,13 +326,19 @@ class Fault:
 
     def apply(self, wiring: Wiring, boards: Boards) -> Wiring:
         """A wiring with this fault as well."""
+        site, element = wiring.site.copy(), wiring.element.copy()
+        order, mute = wiring.order.copy(), wiring.mute.copy()
+        places = wiring.site[list(self.modules)]
         if self.kind in ("mute_module", "mute_chain"):
-            return wiring.silenced(list(self.modules))
-        if self.element:
-            return wiring.laid(self.modules[0], self.element)
-        if self.slots:
-            return wiring.exchanged(self.modules[0], *self.slots)
-        return wiring.moved(self.moves(boards))
+            mute[list(self.modules)] = True
+        elif self.element:
+            element[places] = compose(self.element, int(element[places[0]]))
+        elif self.slots:
+            order[places[0], list(self.slots)] = order[places[0], list(self.slots[::-1])]
+        else:
+            for module, other in self.moves(boards).items():
+                site[module] = -1 if other < 0 else wiring.site[other]
+        return Wiring(site, element, order, mute)
 
     def numbers(self, boards: Boards) -> list[int]:
         """What the table calls the modules."""
@@ -401,9 +369,6 @@ class Fault:
             "mute_chain": f"chain {one} of {part}, {every}: cable or board of the chain",
             "reversed_chain": f"chain {one} of {part}, {every}: wired in reverse order",
         }[self.kind]
-
-
-NOTHING = Fault("healthy")
 
 
 def _exchanged(boards: Boards, one: int, other: int) -> dict[int, int]:
@@ -444,7 +409,7 @@ def all_faults(boards: Boards) -> Hypotheses:
     """Every single fault, with its probability before anything was seen."""
     m = len(boards)
     one, other = np.triu_indices(m, 1)
-    faults = [NOTHING]
+    faults = [Fault("healthy")]
     faults += [
         Fault("swapped_modules", (a, b)) for a, b in zip(one.tolist(), other.tolist(), strict=True)
     ]
@@ -457,20 +422,14 @@ def all_faults(boards: Boards) -> Hypotheses:
     ]
     first = len(faults)
     faults += chain_faults(boards)
-    counts = {kind: sum(fault.kind == kind for fault in faults) for kind in KINDS}
-    laid = {"turned_module", "mirrored_module"}
-    shares = {
-        kind: SHARE[kind] * (counts[kind] > 0) * (boards.turnable or kind not in laid)
-        for kind in KINDS
-    }
-    total = sum(shares.values())
+    counts = Counter(fault.kind for fault in faults)
+    untold = {"healthy"} if boards.turnable else {"healthy", "turned_module", "mirrored_module"}
+    each = {kind: SHARE[kind] / counts[kind] for kind in counts.keys() - untold}
+    less = {4: TWICE, 5: TWICE}
+    shares = [each.get(fault.kind, 0.0) * less.get(fault.element, 1.0) for fault in faults]
     with np.errstate(divide="ignore"):
-        each = {kind: np.log(shares[kind] / total / max(counts[kind], 1)) for kind in KINDS} | {
-            "healthy": np.log(HEALTHY)
-        }
-    less = {4: np.log(TWICE), 5: np.log(TWICE)}
-    prior = np.array([each[fault.kind] + less.get(fault.element, 0.0) for fault in faults])
-    prior[1:] += np.log1p(-HEALTHY) - np.log(np.exp(prior[1:]).sum())
+        prior = np.log(np.array(shares) * (1.0 - HEALTHY) / np.sum(shares))
+    prior[0] = np.log(HEALTHY)
     return Hypotheses(tuple(faults), prior, np.column_stack([one, other]), first)
 
 

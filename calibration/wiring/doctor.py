@@ -129,7 +129,7 @@ class Witness:
     # What was unknown of the touch.
 
     def _terms(self, touch: Touch) -> Terms:
-        level = self._levels(touch)
+        level = np.where(self.there, level_of(touch.response)[self.column], -1)
         points, weights, here = self._cases(touch, level)
         near = self._near(points)
         square, along = _to_paths(points.astype(np.float32), self.spots[near].astype(np.float32))
@@ -159,15 +159,12 @@ class Witness:
         shift, weight = offsets()
         axes = tangents(self.boards, place)
         points = place + shift @ axes
-        elsewhere = self._anywhere(level)
-        if elsewhere is None:
-            return points[:, None], weight, np.ones(len(points), bool)
-        there, chance = elsewhere
+        there, chance = self._anywhere(level)
         here = np.arange(len(points) + len(there)) < len(points)
         return (np.concatenate([points[:, None], there]), np.concatenate([weight, chance]), here)
 
-    def _anywhere(self, level: IntArray) -> tuple[FloatArray, FloatArray] | None:
-        """Where the answers themselves say that the touch was."""
+    def _anywhere(self, level: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Where the answers themselves say that the touch was: (o, 1, 3) paths, log chances."""
         strong = np.argsort(-level, axis=None, kind="stable")[:PEAKS]
         module, slot = np.unravel_index(strong, level.shape)
         felt = (level[module, slot] > 0) & (self.wiring.site[module] >= 0)
@@ -175,10 +172,7 @@ class Witness:
         site = self.wiring.site[module]
         places = self.spots[site, self.taken[site, 0, slot]]
         places = places[np.isfinite(places[:, 0])]
-        if len(places) == 0:
-            return None
-        weight = np.full(len(places), np.log(MISS / self.sites))
-        return places[:, None], weight
+        return places[:, None], np.full(len(places), np.log(MISS / self.sites))
 
     def _strokes(self, path: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Strokes beside the one asked for: both ends off to a side."""
@@ -194,11 +188,6 @@ class Witness:
         flat = points.reshape(-1, 3)
         away = np.linalg.norm(self.centres[:, None] - flat[None], axis=2).min(axis=1)
         return np.flatnonzero((away < NEAR) & (self.owner >= 0))
-
-    def _levels(self, touch: Touch) -> IntArray:
-        """(m, k) level of each channel's answer; -1 where a module has none."""
-        level = level_of(touch.response)[self.column]
-        return np.asarray(np.where(self.there, level, -1))
 
     # What that makes of modules and sites.
 
@@ -216,7 +205,6 @@ class Witness:
         kinds, which = np.unique(level, axis=0, return_inverse=True)
         late: _Late = None
         if arrival is not None:  # the answers of two modules differ by when they came, too
-            kinds, which = level, np.arange(len(level))
             busy = (level > 0).any(axis=1)
             rest, inverse = np.unique(level[~busy], axis=0, return_inverse=True)
             kinds = np.concatenate([level[busy], rest])
@@ -437,7 +425,7 @@ class Doctor:
             return []
         self._rest = findings
         self._replay()
-        return self._name()
+        return self._name(self._sure)
 
     def hear(self, touch: Touch) -> list[Found]:
         """Take a touch; the faults that are sure with it.
@@ -454,36 +442,29 @@ class Doctor:
             )
         self.touches.append(touch)
         self._take(touch)
-        return self._name()
-
-    def _name(self) -> list[Found]:
-        """Name what is sure, one fault after the other."""
-        new: list[Found] = []
-        while len(self.found) < MAX_FAULTS:
-            one = self._likeliest(SURE, self._backed, 3, 1e-4)
-            if one is None:
-                break
-            new.append(self._named(one))
-        return new
-
-    def _named(self, one: Found) -> Found:
-        """Take a fault as known, and judge all touches again with it."""
-        self.found.append(one)
-        self.wiring = one.fault.apply(self.wiring, self.boards)
-        self._replay()
-        return one
+        return self._name(self._sure)
 
     def conclude(self) -> list[Found]:
         """Name what is certainly wrong, though not for certain which fault it is; the last word."""
-        new: list[Found] = []
-        while self.touches and len(self.found) < MAX_FAULTS and self.healthy < ILL:
-            one = self._likeliest(LIKELY, self._shown, 4, 0.01)
-            if one is None:
-                break
-            new.append(self._named(one))
-        return new
+        return self._name(self._likely)
 
-    def suspects(self, count: int = 5) -> list[tuple[Fault, float]]:
+    def _name(self, found_next: Callable[[], Found | None]) -> list[Found]:
+        """Name one fault after the other, and judge all touches again with each as known."""
+        first = len(self.found)
+        while len(self.found) < MAX_FAULTS and (one := found_next()) is not None:
+            self.found.append(one)
+            self.wiring = one.fault.apply(self.wiring, self.boards)
+            self._replay()
+        return self.found[first:]
+
+    def _sure(self) -> Found | None:
+        return self._likeliest(SURE, self._backed, 3, 1e-4)
+
+    def _likely(self) -> Found | None:
+        ill = self.touches and self.healthy < ILL
+        return self._likeliest(LIKELY, self._shown, 4, 0.01) if ill else None
+
+    def suspects(self, count: int) -> list[tuple[Fault, float]]:
         """The most probable faults beyond those found, and how probable."""
         posterior = self.posterior
         order = np.argsort(-posterior[1:], kind="stable")[:count] + 1
@@ -498,8 +479,9 @@ class Doctor:
         if how not in choosers:
             choosers[how] = Chooser(self.boards, self.hypotheses, self.wiring, self.places[how])
         asked = [touch.middle for touch in self.touches if touch.how == how]
-        row, gain = choosers[how].best(self.posterior, asked)
-        return self.places[how].paths[row], gain
+        gains = choosers[how].gains(self.posterior, asked)
+        row = int(np.argmax(gains))
+        return self.places[how].paths[row], float(gains[row])
 
     @property
     def misfits(self) -> int:

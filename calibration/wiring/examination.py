@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -47,7 +48,6 @@ PATIENCE = 15.0  # that a touch is waited for [s]
 BESIDE, OFTEN = 8e-3, 2  # taxels so near a stroke are felt [m]; strokes that measure a gain
 DATED = 1e9  # later times of a recording are seconds of Unix (since September 2001)
 MAX_REST = 3000  # samples of a recording's rest that are judged
-Answers = Mapping[str, FloatArray]  # (t, n) by part [counts]
 
 
 class Marker(Protocol):
@@ -181,21 +181,19 @@ def _uncovered(case: Case) -> tuple[FloatArray, float]:
     return paths[best], float(share[best])
 
 
-def ask(
-    cases: Mapping[str, Case],
-    plan: Plan,
-    touched: Callable[[], Answers | None],
-    left: Callable[[], bool],
+def _ask(
+    cases: Mapping[str, Case], plan: Plan, stream: _Stream, level: dict[str, Baseline]
 ) -> Iterator[str]:
     """Name one place after the other, and hear what answers; gives the places where nothing did."""
-    number = 0
-    while left() and (asked := next_touch(cases, covers=plan.covers)) is not None:
-        number += 1
+    for number in count(1):
+        asked = next_touch(cases, covers=plan.covers) if stream.seconds < SECONDS else None
+        if asked is None:
+            return
         words = place_words(cases[asked.part].boards, asked)
         plan.told(f"{number}. {words}")
         for marker in plan.markers:
             marker.show(asked.part, asked.path, words)
-        heard = touched()
+        heard = stream.touch(level, plan)
         if heard is None:
             yield words
             heard = {asked.part: np.zeros((1, len(cases[asked.part].boards.table)))}
@@ -222,12 +220,7 @@ def conclude(cases: Mapping[str, Case], plan: Plan) -> tuple[Case, ...]:
 
 
 def examine_recording(
-    path: Path,
-    robot: Robot,
-    parts: Sequence[str],
-    plan: Plan,
-    *,
-    places: Path | None,
+    path: Path, robot: Robot, parts: Sequence[str], plan: Plan, *, places: Path | None
 ) -> Examination:
     """Examine a recording of touches by a person.
 
@@ -266,7 +259,6 @@ def examine_recording(
         robot.part(part)
     check_skin(info, robot)
     cases = open_cases(robot, there)
-    notes: list[str] = []
     for part, case in cases.items():
         values = np.zeros((len(track.times), info.widths[info.parts.index(part)]))
         for rows, block in track.blocks():
@@ -274,12 +266,12 @@ def examine_recording(
         if values.shape[1] != len(case.boards.table):
             values = values[:, case.boards.table.channels]
         _examine_part(case, values, track, path, places, plan)
-    if not any(case.doctor.touches for case in cases.values()):
-        notes.append("no touch, or no --places of them: only the rest was judged")
+    touched = any(case.doctor.touches for case in cases.values())
+    notes = () if touched else ("no touch, or no --places of them: only the rest was judged",)
     began, ended = (float(track.times[end]) if len(track.times) else 0.0 for end in (0, -1))
     recorded = datetime.fromtimestamp(began, UTC) if DATED < began < time.time() else None
     done = conclude(cases, plan)
-    return Examination(path.name, robot.name, done, ended - began, tuple(notes), recorded)
+    return Examination(path.name, robot.name, done, ended - began, notes, recorded)
 
 
 def _examine_part(
@@ -322,20 +314,18 @@ def _examine_part(
 
 def place_words(boards: Boards, asked: Asked) -> str:
     """Where to touch, for people: the nearest taxels by channel and module."""
-    spots, path = [], asked.path
+    spots, path, modules = [], asked.path, boards.table.modules
     for point in (path[0], path[-1]) if len(path) > 1 else (path[0],):
         away = np.linalg.norm(boards.table.positions - point, axis=1)
         order = nearest_first(away)
         nearest = int(order[0])
         other = next((int(row) for row in order[1:12]
-                      if boards.table.modules[row] != boards.table.modules[nearest]
+                      if modules[row] != modules[nearest]
                       and away[row] < away[nearest] + 4e-3), None)  # fmt: skip
         x, y, z = (MM * point).tolist()
-        words = f"module {boards.table.modules[nearest]}"
+        words = f"module {modules[nearest]}"
         if other is not None:
-            words = f"between modules {boards.table.modules[nearest]} and " + str(
-                boards.table.modules[other]
-            )
+            words = f"between modules {modules[nearest]} and {modules[other]}"
         spots.append(f"{words} ({x:.0f}, {y:.0f}, {z:.0f} mm)")
     if asked.how == "stroke":
         return f"stroke {boards.part} from {spots[0]} to {spots[-1]}"
@@ -379,8 +369,7 @@ def examine_live(source: Source, robot: Robot, parts: Sequence[str], plan: Plan)
     notes: list[str] = []
     try:
         level = stream.rest(cases, plan)
-        left = lambda: stream.seconds < SECONDS  # noqa: E731
-        for words in ask(cases, plan, lambda: stream.touch(level, plan), left):
+        for words in _ask(cases, plan, stream, level):
             notes.append(f"nothing answered within {PATIENCE:.0f} s at: {words}")
     except KeyboardInterrupt:
         plan.told("interrupted")
@@ -438,11 +427,8 @@ class _Stream:
         samples = {part: np.concatenate([b[part] for b in blocks]) for part in self.columns}
         for part, case in cases.items():
             case.take_rest(samples[part])
-        kind = self.source.info.kind
-        return {
-            part: case.without_noisy(Baseline.of(samples[part], kind))
-            for part, case in cases.items()
-        }
+        level = {part: Baseline.of(one, self.source.info.kind) for part, one in samples.items()}
+        return {part: case.without_noisy(level[part]) for part, case in cases.items()}
 
     def touch(self, level: dict[str, Baseline], plan: Plan) -> dict[str, FloatArray] | None:
         """Samples (t, n) above rest by part from a touch's beginning to its end; None for none."""

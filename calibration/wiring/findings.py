@@ -195,12 +195,10 @@ def _taxel_row(
 
 def _part_row(case: Case, faults: Sequence[FaultRow]) -> PartRow:
     doctor, rest = case.doctor, case.rest
-    state = doctor.status
-    if state != "inconsistent" and any(one.part == case.part for one in faults):
-        state = "faulty"
+    ill = doctor.status != "inconsistent" and any(one.part == case.part for one in faults)
     return PartRow(
         part=case.part,
-        status=cast("State", state),
+        status=cast("State", "faulty" if ill else doctor.status),
         healthy=doctor.healthy,
         touches=len(doctor.touches),
         misfits=doctor.misfits,
@@ -211,7 +209,7 @@ def _part_row(case: Case, faults: Sequence[FaultRow]) -> PartRow:
 
 
 def _fault_row(
-    case: Case, fault: Fault, confidence: float, others: Sequence[tuple[Fault, float]] = ()
+    case: Case, fault: Fault, confidence: float, others: Sequence[tuple[Fault, float]]
 ) -> FaultRow:
     import numpy as np
 
@@ -282,10 +280,9 @@ def lines(result: CheckupResult) -> Iterator[str]:
 
 
 def _where(fault: FaultRow) -> str:
-    place = (
-        "" if fault.place_mm is None else " at ({:.0f}, {:.0f}, {:.0f} mm)".format(*fault.place_mm)
-    )
-    several = (
-        f", channels {first_few(fault.channels, MAX_NAMED)}" if len(fault.channels) > 2 else ""
-    )
-    return place + several
+    words = ""
+    if fault.place_mm is not None:
+        words = " at ({:.0f}, {:.0f}, {:.0f} mm)".format(*fault.place_mm)
+    if len(fault.channels) > 2:
+        words += f", channels {first_few(fault.channels, MAX_NAMED)}"
+    return words

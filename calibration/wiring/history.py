@@ -194,10 +194,7 @@ def changes_of(
     """The changes of a part's (n,) taxels over e check-ups, and their log gains (e, n)."""
     sides = [_Side.of([one]) for one in kept]
     gain = np.array([np.where(one.met, one.gains, np.nan) for one in sides])
-    return [
-        *_gain_changes(part, times, kept),
-        *_rest_changes(part, times, kept),
-    ], gain
+    return [*_gain_changes(part, times, kept), *_rest_changes(part, times, kept)], gain
 
 
 def kept_part(case: Case) -> KeptPart:
@@ -217,15 +214,6 @@ def kept_part(case: Case) -> KeptPart:
                     np.round(case.rest.noise, 3).tolist(), touches)  # fmt: skip
 
 
-def _told(touches: Sequence[KeptTouch], count: int) -> tuple[FloatArray, FloatArray]:
-    """Precision (n, n) and pull (n,) that touches give together."""
-    precision, pull = np.zeros((count, count)), np.zeros(count)
-    for one in touches:
-        precision[np.ix_(one.rows, one.rows)] += _square(one)
-        pull[one.rows] += one.pull
-    return precision, pull
-
-
 class _Side(NamedTuple):
     """Log gains (n,) by the touches of some check-ups, as precise as these touches agree."""
 
@@ -239,7 +227,11 @@ class _Side(NamedTuple):
     def of(cls, kept: Sequence[KeptPart]) -> _Side:
         """Evidence of all touches together."""
         touches = [touch for one in kept for touch in one.gains]
-        precision, pull = _told(touches, len(kept[0].channels))
+        count = len(kept[0].channels)
+        precision, pull = np.zeros((count, count)), np.zeros(count)
+        for one in touches:
+            precision[np.ix_(one.rows, one.rows)] += _square(one)
+            pull[one.rows] += one.pull
         covariance = np.asarray(np.linalg.inv(precision + np.eye(len(pull)) / GAINS**2), float)
         gains = covariance @ pull
         scatter, meet = np.zeros(len(pull)), np.zeros(len(pull))
@@ -342,10 +334,9 @@ def _steps(course: FloatArray) -> tuple[IntArray, FloatArray, FloatArray]:
     split = np.ones(course.shape[1], np.int64)
     ends = np.zeros((2, course.shape[1]))
     for one in range(1, len(course)):
-        pair = np.array([np.median(half, axis=0) for half in (course[:one], course[one:])])
-        off = np.abs(course[:one] - pair[0]).sum(axis=0) + np.abs(course[one:] - pair[1]).sum(
-            axis=0
-        )
+        before, after = course[:one], course[one:]
+        pair = np.array([np.median(before, axis=0), np.median(after, axis=0)])
+        off = np.abs(before - pair[0]).sum(axis=0) + np.abs(after - pair[1]).sum(axis=0)
         better = off < least
         least[better], split[better], ends[:, better] = off[better], one, pair[:, better]
     return split, ends[0], ends[1]
@@ -364,22 +355,19 @@ def _drawing(
     axes = figure.subplots(len(courses), 3, squeeze=False)
     for line, (part, times, kept, gain) in zip(axes, courses, strict=True):
         days = [datetime.fromisoformat(one) for one in times]
-        changed = {
-            one.row: kept[0].channels[one.row]
-            for one in changes
-            if one.part == part and one.kind != "recovered"
-        }
+        own = [one.row for one in changes if one.part == part and one.kind != "recovered"]
         drawn = {"rest [counts]": [one.baseline for one in kept],
                  "noise [counts]": [one.noise for one in kept],
                  "gain beside its neighbours": np.exp(gain)}  # fmt: skip
         for axis, (name, values) in zip(line, drawn.items(), strict=True):
             table = np.asarray(values)
             axis.plot(days, table[:, :MOST_DRAWN], ".-", color="#9fb0bd", lw=0.4, ms=2, alpha=0.6)
-            for row, channel in list(changed.items())[:8]:
-                axis.plot(days, table[:, row], ".-", lw=1.6, label=f"taxel {channel}")
+            for row in list(dict.fromkeys(own))[:8]:
+                label = f"taxel {kept[0].channels[row]}"
+                axis.plot(days, table[:, row], ".-", lw=1.6, label=label)
             axis.set_title(f"{part}: {name}", loc="left", fontsize=9)
             axis.tick_params(axis="x", labelrotation=30, labelsize=7)
-        if changed:
+        if own:
             line[0].legend(frameon=False, fontsize=7)
     return figure
 

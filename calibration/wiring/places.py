@@ -195,7 +195,7 @@ POINTS = _layout()
 def _telling(boards: Boards, places: FloatArray) -> FloatArray:
     """(c, 5, m) evidence that pokes at places (c, 3) bring where a site's board is laid otherwise.
 
-    The elements are those of `boards.ELEMENTS` but the first. In nats, at most `ENOUGH`, in the
+    The elements are those of `boards.GROUP` but the first. In nats, at most `ENOUGH`, in the
     mean over where the finger really was.
     """
     found = np.zeros((len(places), 5, len(boards)))
@@ -240,8 +240,8 @@ class Chooser:
     ) -> None:
         self.boards, self.hypotheses, self.places = boards, hypotheses, places
         order = wiring.order
-        site = np.where(wiring.site >= 0, wiring.site, 0)
-        read = (wiring.site >= 0) & ~wiring.mute
+        self.site = site = np.where(wiring.site >= 0, wiring.site, 0)
+        self.read = read = (wiring.site >= 0) & ~wiring.mute
 
         def seen(values: FloatArray) -> FloatArray:
             laid = np.empty_like(values)
@@ -254,21 +254,14 @@ class Chooser:
 
         self.answers = seen(places.answers)
         self.arrivals = seen(places.arrivals)
-        self.silent = np.where(read, places.silent[:, site], 1.0)
-        self.silent = self.silent.astype(np.float32)
+        self.silent = np.where(read, places.silent[:, site], 1.0).astype(np.float32)
         first = 1 + len(hypotheses.swaps)
         self._powered = np.r_[first : first + 6 * len(boards), hypotheses.chain_first :
                               len(hypotheses)]  # fmt: skip
         self.power = self._power(wiring)
 
-    def best(self, log_posterior: FloatArray, asked: list[FloatArray]) -> tuple[int, float]:
-        """Place that tells most, and how much [nats]; `asked` are the middles touched so far."""
-        gain = self.gains(log_posterior, asked)
-        row = int(np.argmax(gain))
-        return row, float(gain[row])
-
     def gains(self, log_posterior: FloatArray, asked: list[FloatArray]) -> FloatArray:
-        """(c,) what each place would tell [nats]."""
+        """(c,) what each place would tell [nats]; `asked` are the middles touched so far."""
         chance = np.exp(log_posterior)
         top = np.flatnonzero(chance[1:] > PROBABLE) + 1
         top = top[np.argsort(-chance[top], kind="stable")][:MANY]
@@ -285,10 +278,8 @@ class Chooser:
         if len(top):
             gain = gain + self._between_probable(top, chance)
         if asked:
-            count = (
-                np.linalg.norm(self.places.middles[:, None] - np.array(asked)[None], axis=2) < AGAIN
-            ).sum(axis=1)
-            gain = gain / (1.0 + count)
+            away = np.linalg.norm(self.places.middles[:, None] - np.array(asked)[None], axis=2)
+            gain = gain / (1.0 + (away < AGAIN).sum(axis=1))
         return gain
 
     def _power(self, wiring: Wiring) -> FloatArray:
@@ -298,16 +289,15 @@ class Chooser:
         looked for on purpose.
         """
         silent = self.silent
-        blocks = [-np.log(silent) / WORTH]
+        blocks: list[np.ndarray] = [-np.log(silent) / WORTH]
         turns = self.boards.turns
         for element in range(1, 6):
             if len(self.places.laid):
                 blocks.append(self._laid(wiring, element))
-                continue
-            if turns is None:
+            elif turns is None:
                 blocks.append((1.0 - silent) * self.boards.turnable)
-                continue
-            blocks.append((1.0 - silent) * (1.0 - self._overlap(turns[element])))
+            else:
+                blocks.append((1.0 - silent) * (1.0 - self._overlap(turns[element])))
         log_silent = np.log(silent)
         for fault in self.hypotheses.faults[self.hypotheses.chain_first :]:
             moves = fault.moves(self.boards)
@@ -319,12 +309,10 @@ class Chooser:
 
     def _laid(self, wiring: Wiring, element: int) -> FloatArray:
         """(c, m) evidence for a board laid otherwise beyond what is known of it."""
-        site = np.where(wiring.site >= 0, wiring.site, 0)
-        laid = wiring.element[site]
+        laid = wiring.element[self.site]
         beside = np.array([conjugate(element, now) for now in laid.tolist()])
-        read = (wiring.site >= 0) & ~wiring.mute
-        found = self.places.laid[:, beside - 1, site]
-        return np.asarray(found * read / ENOUGH)
+        found = self.places.laid[:, beside - 1, self.site]
+        return np.asarray(found * self.read / ENOUGH)
 
     def _overlap(self, slots: IntArray) -> FloatArray:
         """(c, m) overlap of each module's answers with those of a board laid otherwise."""

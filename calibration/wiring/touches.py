@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Literal, NamedTuple, get_args
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -48,8 +48,7 @@ LOWEST = 1.0  # expected answers below are none [counts]
 
 def _table() -> FloatArray:
     """(LEVELS, STEPS + 1) log chance of each level for each expected answer, none first."""
-    edges = np.geomspace(THRESHOLD, 255.0, LEVELS)
-    log_edges = np.log(edges)
+    log_edges = np.log(np.geomspace(THRESHOLD, 255.0, LEVELS))
     expected = np.concatenate([[1e-6], np.geomspace(LOWEST, 400.0, STEPS)])
     z = (log_edges[:, None] - np.log(expected)[None]) / SPREAD
     below = ndtr(z)
@@ -71,16 +70,12 @@ def level_of(response: FloatArray) -> IntArray:
     return np.asarray(np.where(response < THRESHOLD, 0, np.minimum(level, LEVELS - 1)))
 
 
-def step_of(log_expected: FloatArray) -> IntArray:
-    """Column of `TABLE` for logarithms of expected answers [counts]; NaN is none."""
-    step = (log_expected - np.float32(np.log(LOWEST))) * np.float32(1.0 / STEP) + 1.5
-    return np.asarray(np.fmin(np.fmax(step, 0.0), STEPS), np.int16)  # fmax: NaN is none
-
-
 def steps_at(square: FloatArray, shapes: Sequence[tuple[float, float]]) -> IntArray:
     """(s, ...) columns of `TABLE` at squared distances (...) [m2] from touches of some shapes."""
     width, force = np.array(shapes, square.dtype).T.reshape(2, -1, *[1] * square.ndim)
-    return step_of(np.log(force) - 0.5 * (square / width**2))
+    log_expected = np.log(force) - 0.5 * (square / width**2)
+    step = (log_expected - np.float32(np.log(LOWEST))) * np.float32(1.0 / STEP) + 1.5
+    return np.asarray(np.fmin(np.fmax(step, 0.0), STEPS), np.int16)  # fmax: NaN is none
 
 
 def offsets() -> tuple[FloatArray, FloatArray]:
@@ -104,8 +99,6 @@ def sideways(boards: Boards, path: FloatArray) -> FloatArray:
     return unit(np.cross(normal, unit(path[-1] - path[0])))
 
 
-How = Literal["poke", "stroke"]
-HOWS: tuple[str, ...] = get_args(How)
 BEGINS, ENDS = 3, 12  # samples that a touch is felt for, and quiet ones that end it
 MIDDLE = 128.0  # raw values that rest above it fall under load, as those of the iCub do
 MARGIN = 10  # samples beside a touch that are no rest
@@ -144,7 +137,7 @@ class Touch:
     samples: FloatArray | None = None
 
     def __post_init__(self) -> None:
-        check_known("kind of touch", [self.how], HOWS)
+        check_known("kind of touch", [self.how], ("poke", "stroke"))
         response = check_finite(self.response, "response", (None,))
         arrival = check_finite(self.arrival, "arrival", (len(response),))
         path = check_finite(self.path, "path", (None, 3))
@@ -232,10 +225,7 @@ def without_spikes(values: FloatArray) -> FloatArray:
     if len(values) < 3:
         return values
     before, after = values[:-2], values[2:]
-    middle = np.maximum(
-        np.minimum(before, after),
-        np.minimum(values[1:-1], np.maximum(before, after)),
-    )
+    middle = np.clip(values[1:-1], np.minimum(before, after), np.maximum(before, after))
     return np.concatenate([np.minimum(values[:1], values[1:2]), middle,
                            np.minimum(values[-1:], values[-2:-1])])  # fmt: skip
 
