@@ -61,16 +61,24 @@ class ContactTracker:
         self._walker = SurfaceWalker(skin.positions, skin.faces)
         self.tracks: list[Track] = []
         self.events: deque[ContactEvent] = deque(maxlen=EVENTS)
-        self._was: BoolArray = np.zeros(len(skin), np.bool_)
-        self._owner: IntArray = np.full(len(skin), -1, np.int64)
-        self._index: IntArray = np.zeros(0, np.int64)
-        self._row: IntArray = np.zeros(0, np.int64)
         self.swallowed: dict[int, int] = {}
-        self._calm = False
         self._next = 0
+        self.forget()
         self._measured = self._last = float("nan")
         self._settled = SETTLED
         self._apart = False  # whether a piece lies apart from its contact
+
+    def forget(self) -> None:
+        """End all contacts: the clock began anew."""
+        for track in self.tracks:
+            self._tell("end", track, track.seen)
+        self.tracks = []
+        self._owner: IntArray = np.full(len(self.skin), -1, np.int64)
+        self._was: BoolArray = np.zeros(len(self.skin), np.bool_)
+        self._cutter.forget()
+        self._index: IntArray = np.zeros(0, np.int64)
+        self._row = self._index
+        self._calm = False
 
     @property
     def present(self) -> list[Track]:
@@ -106,17 +114,6 @@ class ContactTracker:
                 if len(track.taxels):
                     track.seen, track.into = time, -1
         self._expire(time)
-
-    def forget(self) -> None:
-        """End all contacts: the clock began anew."""
-        for track in self.tracks:
-            self._tell("end", track, track.seen)
-        self.tracks = []
-        self._owner.fill(-1)
-        self._was.fill(False)
-        self._cutter.forget()
-        self._index = self._row = np.zeros(0, np.int64)
-        self._calm = False
 
     def _assign(self, time: float, index: IntArray, pressures: FloatArray) -> IntArray:
         """(k,) row in `tracks` of each active taxel; -1 for a piece that parted just now."""

@@ -102,11 +102,7 @@ class NamedTouch(_Answered):
     area_least: float = float("nan")
 
     def __post_init__(self) -> None:
-        freeze(self, taxels=self.taxels, centre=self.centre)
-        if self.normal is not None:
-            freeze(self, normal=np.asarray(self.normal, np.float64))
-        if self.path is not None:
-            freeze(self, path=np.asarray(self.path, np.float64))
+        freeze(self)
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""

@@ -468,16 +468,13 @@ class LslPublisher(Publisher):
         for topic in self.topics:
             self._outlets[topic] = self._open(topic)
 
-    def stream_name(self, topic: Topic) -> str:
-        """Name of the stream of a topic."""
-        return self.name if topic == self.info.kind else f"{self.name}-{topic}"
-
     def wait_for_followers(self, timeout: float) -> bool:
         """Whether a listener connects within a time [s]."""
         return bool(self._outlets[self.info.kind].wait_for_consumers(timeout))
 
     def _open(self, topic: Topic) -> Any:
-        lsl, name, text = self._lsl, self.stream_name(topic), topic in ("contacts", "labels")
+        lsl, text = self._lsl, topic in ("contacts", "labels")
+        name = self.name if topic == self.info.kind else f"{self.name}-{topic}"
         print_ = repr((name, self.info.robot, self.info.parts, self.info.widths, topic))
         found = lsl.StreamInfo(
             name,

@@ -279,7 +279,7 @@ class SkinScene:
             indices=self._faces[part],
         )
         return messages.SceneEntity(
-            timestamp=_time(stamp, messages),
+            timestamp=messages.Timestamp(*divmod(stamp, 1_000_000_000)),
             frame_id=self._robot.part(part).link,
             id=f"skin {part}",
             frame_locked=True,
@@ -291,7 +291,3 @@ class SkinScene:
         skin = self._robot.skin(part)
         places = (skin.positions + LIFT * skin.normals).tolist()
         return [self._messages.Point3(x=x, y=y, z=z) for x, y, z in places]
-
-
-def _time(stamp: int, messages: Any) -> Any:
-    return messages.Timestamp(stamp // 1_000_000_000, stamp % 1_000_000_000)

@@ -276,10 +276,8 @@ class Responses:
                 check_response(response, skin.skins[part].skin, part)
                 _warn_of_rate(response, info.rate, part)
                 self._own[part] = PartResponse(response, info.rate)
-        rest = [skin.slices[part] for part in skin.parts if part not in self._own]
-        self._rest = np.concatenate(
-            [np.zeros(0, np.int64), *(np.arange(rows.start, rows.stop) for rows in rest)]
-        )
+        free = np.array([part not in self._own for part in skin.parts])
+        self._rest = np.flatnonzero(free[skin.part_of])
         self._baseline: RestBaseline | None = None
         if self._raw and len(self._rest):
             self._baseline = RestBaseline(skin.part_of[self._rest], info.rate)

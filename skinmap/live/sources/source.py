@@ -347,7 +347,7 @@ class Relay(Source):
         """Close the source."""
         self.source.close()
 
-    info, counts, last_seen, alive = map(_theirs, ("info", "counts", "last_seen", "alive"))
+    counts, last_seen, alive = map(_theirs, ("counts", "last_seen", "alive"))
     seekable, speed, angles_at = map(_theirs, ("seekable", "speed", "angles_at"))
 
 
@@ -713,11 +713,6 @@ class ChosenParts(Relay):
     def __init__(self, source: Source, parts: Sequence[str]) -> None:
         super().__init__(source)
         self._info, self._columns = source.info.only(parts)
-
-    @property
-    def info(self) -> StreamInfo:
-        """What is in a sample, of the chosen parts."""
-        return self._info
 
     def read(self, timeout: float) -> Block | None:
         """As the source's, with fewer channels."""
