@@ -9,10 +9,11 @@ import re
 import stat
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from skinmap.errors import DataFormatError, MissingFileError
+from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
 
 # Units of length that files may be in: the same words in manifests, options and tables.
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254}
@@ -67,6 +68,15 @@ def read_text(path: Path) -> str:
         raise DataFormatError(f"cannot be read: {error.strerror}", path) from None
 
 
+@contextmanager
+def in_file(path: Path, line: int | None = None) -> Iterator[None]:
+    """Arrays that cannot be, as an error of the file that has them."""
+    try:
+        yield
+    except InvalidArrayError as error:
+        raise DataFormatError(str(error), path, line) from None
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file.
 
@@ -75,11 +85,10 @@ def read_toml(path: Path) -> dict[str, Any]:
     MissingFileError, DataFormatError
         No such file, not text, or not TOML.
     """
+    text = read_text(path)
     try:
-        return tomllib.loads(read_text(path))
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # huge numbers, deep nests are no TOML errors
-        if isinstance(error, DataFormatError):
-            raise
         raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
 
 

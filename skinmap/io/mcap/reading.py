@@ -11,6 +11,8 @@ from array import array
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from heapq import merge
+from itertools import count, repeat
 from pathlib import Path
 from typing import Any
 
@@ -601,17 +603,12 @@ def _facts(index: Index) -> dict[str, ros2.TopicFacts]:
 def _copy(writer: McapWriter, index: Index, numbers: dict[int, int]) -> None:
     """All messages of known channels, in the order in which they stood in the file."""
     content = Content(index)
-    columns: list[tuple[Any, ...]] = []
-    for number, messages in index.channels.items():
-        if number in numbers:
-            count = len(messages)
-            rows = np.arange(count)
-            columns.append((messages.chunks, messages.offsets, np.full(count, number), rows))
-    if not columns:
-        return
-    chunks, offsets, channels, rows = (np.concatenate(each) for each in zip(*columns, strict=True))
-    for place in np.lexsort((offsets, chunks)).tolist():
-        number, row = int(channels[place]), int(rows[place])
+    places = (
+        zip(messages.chunks, messages.offsets, repeat(number), count(), strict=False)
+        for number, messages in index.channels.items()
+        if number in numbers
+    )
+    for _, _, number, row in merge(*places):
         messages = index.channels[number]
         data = content(messages, row)
         writer.add_message(numbers[number], messages.times[row], data, messages.samples[row])

@@ -17,7 +17,7 @@ from skinmap.errors import DataFormatError, InvalidArrayError, MessageError
 from skinmap.io.mcap.reading import Content, Index, Messages, read_track
 from skinmap.io.mcap.writing import METADATA
 from skinmap.io.ros2.messages import nanoseconds_of, read
-from skinmap.io.text import check_file
+from skinmap.io.text import check_file, in_file
 from skinmap.touch.load_calibration import rate_of_times
 
 PRESSURES = {"pressure_bar": 1.0, "pressure_kpa": 1e-2, "pressure_pa": 1e-5}
@@ -429,7 +429,5 @@ def _numbers(
     values = np.atleast_1d(held[name])
     if values.dtype.kind not in "buif" or values.shape[1:] != inner:
         raise DataFormatError(f"{name} must be {wanted}, got shape {held[name].shape}", path)
-    try:
+    with in_file(path):
         return check_finite(values, name, (None, *inner))
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path) from None

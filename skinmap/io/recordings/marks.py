@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, InvalidArrayError
 from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream, part_events
-from skinmap.io.text import CsvRows, parse_floats, read_text
+from skinmap.io.text import CsvRows, in_file, parse_floats, read_text
 from skinmap.touch.recording import JOIN, UNNAMED, Recording, check_label
 
 COLUMNS = ("part", "event", "began_s", "ended_s", "label", "session", "person")
@@ -202,17 +202,6 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
         its beginning, no sample, a label that nobody can use, or a touch that overlaps another.
     """
     rows = CsvRows(read_text(path), path)
-    return Marks(tuple(_checked(rows, path, before, times, parts)))
-
-
-def _checked(
-    rows: Iterator[list[str]],
-    path: Path,
-    before: Marks,
-    times: FloatArray,
-    parts: Sequence[str],
-) -> Iterator[MarkedTouch]:
-    """The touch of each row, each with a number of its own."""
     names = next(rows, [])
     if not {"part", "began_s", "ended_s", "label"} <= set(names):
         raise DataFormatError(f"not a table of touches: columns {', '.join(COLUMNS)}", path, 1)
@@ -220,7 +209,7 @@ def _checked(
     free = 1 + max((one.event for one in before.touches), default=-1)
     steps = np.diff(times)
     hair = min(HAIR, 0.25 * float(np.median(steps[steps > 0]))) if (steps > 0).any() else HAIR
-    taken: set[tuple[str, int]] = set()
+    found: dict[tuple[str, int], MarkedTouch] = {}  # each with a number of its own
     spans: dict[str, list[tuple[int, int]]] = {}  # of each part, in the order of time
     for line, row in enumerate(rows, 2):
         if not any(cell.strip() for cell in row):
@@ -253,10 +242,10 @@ def _checked(
                     f"overlaps the touch of {one.part!r} from {times[first]:.3f} s on", path, line
                 )
         own.insert(place, (one.first, one.last))
-        if (one.part, event) in taken:
+        if (one.part, event) in found:
             event, free = free, free + 1
-        taken.add((one.part, event))
-        yield replace(one, event=event)
+        found[one.part, event] = replace(one, event=event)
+    return Marks(tuple(found.values()))
 
 
 def _marked(
@@ -276,12 +265,10 @@ def _marked(
         )
     if not first <= last:
         raise DataFormatError(f"no sample from {began:g} to {ended:g} s", path, line)
-    try:
-        label = cells["label"]
-        if label != UNNAMED:
+    label = cells["label"]
+    if label != UNNAMED:
+        with in_file(path, line):
             label = JOIN.join(check_label(word) for word in label.split(JOIN))
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path, line) from None
     session, person = cells.get("session", ""), cells.get("person", "")
     return MarkedTouch(cells["part"], 0, label, first, last, session=session, person=person)
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, check_known, warn
+from skinmap.skin.skin import Skin
 from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.recording import Recording, TrueMotion
 
@@ -580,6 +581,18 @@ def taxel_columns(
     if int(np.max(channels, initial=-1)) >= width:
         raise DataFormatError(f"{width} channels of {part!r}, its taxels need more", path)
     return np.asarray(channels, np.int64)
+
+
+def sample_columns(skins: Iterable[Skin], widths: Sequence[int]) -> IntArray:
+    """Columns (n,) of a sample in which the taxels of some parts stand, part after part.
+
+    Where a part has as many columns as taxels they are in dense order, else the live vector.
+    """
+    starts = np.cumsum([0, *widths[:-1]]).tolist()
+    return np.concatenate([
+        start + (np.arange(width) if width == len(skin) else skin.channels)
+        for skin, width, start in zip(skins, widths, starts, strict=True)
+    ])  # fmt: skip
 
 
 def part_events(touches: Sequence[MarkedTouch], count: int, taxels: int, path: Path) -> PartEvents:

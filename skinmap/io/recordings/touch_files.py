@@ -364,22 +364,15 @@ def at_one_clock(recordings: Sequence[Recording]) -> list[Recording]:
 
     Parts that were sampled at other times are left as they are.
     """
-    longest = max(recordings, key=lambda one: len(one.times), default=None)
+    longest = max((one.times for one in recordings), key=len, default=np.zeros(0))
     found = []
     for one in recordings:
-        times = one.times if longest is None else longest.times
-        if len(one.times):
-            times = times[times <= one.times[-1] + SAME_TIME]
-            rows = np.searchsorted(one.times, times + SAME_TIME, side="right").clip(1) - 1
-            lost = np.abs(times - one.times[rows]) > SAME_TIME
-            if (
-                len(times)
-                and 0.0 < lost.mean() < LOST
-                and one.forces is None
-                and one.places is None
-            ):
-                one = replace(one, times=times, pressures=one.pressures[rows],
-                              events=one.events[rows])  # fmt: skip
+        times = longest[longest <= one.times.max(initial=-np.inf) + SAME_TIME]
+        rows = np.searchsorted(one.times, times + SAME_TIME, side="right").clip(1) - 1
+        lost = np.abs(times - one.times[rows]) > SAME_TIME
+        if len(times) and 0.0 < lost.mean() < LOST and one.forces is None and one.places is None:
+            one = replace(one, times=times, pressures=one.pressures[rows],
+                          events=one.events[rows])  # fmt: skip
         found.append(one)
     return found
 

@@ -33,7 +33,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, InvalidMeshError
 from skinmap.geometry.topology import check_surface
 from skinmap.geometry.triangles import cross_products, signed_areas, unit
-from skinmap.io.text import MAX_CHANNEL, check_file, read_text
+from skinmap.io.text import MAX_CHANNEL, check_file, in_file, read_text
 from skinmap.skin.skin import skin_from_table
 from skinmap.skin.taxels import NO_ID, TaxelTable
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
@@ -297,11 +297,9 @@ def read_cyskin(path: Path) -> CySkin:
     keyed = list(maps.items()) if isinstance(maps, Mapping) else [(None, one) for one in maps]
     if told.skin is None and not keyed:
         raise fail("neither a skin nor tactile maps in it")
-    try:
+    with in_file(path):
         found = tuple(_map(one, key) for key, one in keyed)
         return _skin(told.info.name, told.skin, found)
-    except InvalidArrayError as error:
-        raise fail(str(error)) from None
 
 
 def read_cyskin_taxels(path: Path) -> TaxelTable:
@@ -315,10 +313,8 @@ def read_cyskin_taxels(path: Path) -> TaxelTable:
     found = read_cyskin(path)
     if len(found) == 0:
         raise DataFormatError("tactile maps only, no skin: its taxels have no place", path)
-    try:
+    with in_file(path):
         return found.table()
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path) from None
 
 
 def _refuse_constant(word: str) -> float:
@@ -619,13 +615,12 @@ def _difference(one: TactileMap, found: CySkin) -> str:
 
 
 def _count_faults(what: str, stated: Sequence[int | None], of: CySkin | TactileMap) -> list[str]:
-    faults = []
-    for word, said, have in zip(
-        ("taxels", "faces"), stated, (len(of.ids), len(of.faces)), strict=True
-    ):
-        if said is not None and said != have:
-            faults.append(f"{what} is stated to have {said} {word} and has {have}")
-    return faults
+    counts = zip(("taxels", "faces"), stated, (len(of.ids), len(of.faces)), strict=True)
+    return [
+        f"{what} is stated to have {said} {word} and has {have}"
+        for word, said, have in counts
+        if said is not None and said != have
+    ]
 
 
 def _name_faults(found: CySkin, file: str) -> Iterator[str]:

@@ -23,8 +23,16 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError, warn
-from skinmap.io.text import MAX_CHANNEL, CsvRows, check_file, parse_floats, parse_whole, read_text
+from skinmap.errors import DataFormatError, UnknownNameError, warn
+from skinmap.io.text import (
+    MAX_CHANNEL,
+    CsvRows,
+    check_file,
+    in_file,
+    parse_floats,
+    parse_whole,
+    read_text,
+)
 from skinmap.registry import Registry
 from skinmap.skin.taxels import TaxelTable
 from skinmap.summary import first_few
@@ -85,12 +93,10 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
     if not values:
         raise DataFormatError("the table has no taxel", path, 1)
     table = np.frombuffer(values).reshape(-1, len(COLUMNS))
-    try:
+    with in_file(path):
         return TaxelTable(
             table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:5], table[:, 5:]
         )
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path) from None
 
 
 def _check_numbers(whole: list[float], path: Path, line: int) -> None:
@@ -214,7 +220,7 @@ def read_skinware(path: Path) -> TaxelTable:
                 f"{', '.join(str(value) for value in known[:20])}",
                 path,
             )
-    try:
+    with in_file(path):
         return TaxelTable(
             rows[:, UID],
             np.zeros(len(rows), np.int64),
@@ -222,8 +228,6 @@ def read_skinware(path: Path) -> TaxelTable:
             rows[:, 5:8] / NANOMETRES,
             link=str(rows[0, LINK]),
         )
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path) from None
 
 
 def _skinware_rows(path: Path) -> IntArray:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import OutputError
 from skinmap.imports import import_optional
+from skinmap.io.recordings.recorded_stream import sample_columns
 from skinmap.io.ros2.messages import (
     TouchMarker,
     array_type,
@@ -22,7 +23,7 @@ from skinmap.io.ros2.messages import (
     full_name,
     text_message,
 )
-from skinmap.io.ros2.robot_topics import LATCHED, TF, TYPES, RobotTopics, RobotView, taxel_columns
+from skinmap.io.ros2.robot_topics import LATCHED, TF, TYPES, RobotTopics, RobotView
 from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.network.network_messages import HERE, KINDS, Address, parse_address, warn_if_open
 from skinmap.live.publishing.publish import Publisher, Topic
@@ -222,9 +223,8 @@ class SkinScene:
 
         self._messages, self._robot = messages, robot
         self._skin = SceneUpdateChannel("/skin/scene", context=context)
-        columns = taxel_columns(robot, info.parts, info.widths)
-        counts = [len(robot.skin(part)) for part in info.parts]
-        ends = np.cumsum(counts)
+        skins = [robot.skin(part) for part in info.parts]
+        columns, ends = sample_columns(skins, info.widths), np.cumsum([len(one) for one in skins])
         self._columns = dict(zip(info.parts, np.split(columns, ends[:-1]), strict=True))
         self._points = {part: self._lifted(part) for part in info.parts}
         self._faces = {

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import BrokenPluginError, InvalidArrayError, SkinMismatchError, UnreachableError
-from skinmap.io.recordings.recorded_stream import Kind, StreamInfo
+from skinmap.io.recordings.recorded_stream import Kind, StreamInfo, sample_columns
 from skinmap.live.bounded_queue import BoundedQueue
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, fingerprint
@@ -419,12 +419,8 @@ def check_skin(info: StreamInfo, robot: Robot) -> None:
 
 def gather(info: StreamInfo, skins: Mapping[str, Skin]) -> IntArray:
     """(N,) place in a stream's sample of each taxel of some parts, in dense rows."""
-    places = []
-    for part, skin in skins.items():
-        rows = info.part_slice(part)
-        dense = rows.stop - rows.start == len(skin)
-        places.append(rows.start + (np.arange(len(skin)) if dense else skin.channels))
-    return np.concatenate(places)
+    some, columns = info.only(tuple(skins))
+    return columns[sample_columns(skins.values(), some.widths)]
 
 
 def describe_skins(
