@@ -75,8 +75,7 @@ class JoinedSkin:
     @cached_property
     def faces(self) -> IntArray:
         """(m, 3) triangles of all meshes; a taxel in none of them is one of no size."""
-        meshes = [skin.mesh.faces + start for skin, start in self._with_starts()]
-        faces = np.concatenate(meshes)
+        faces = np.concatenate([skin.mesh.faces + start for skin, start in self._with_starts()])
         alone = np.ones(self.count, bool)
         alone[faces.ravel()] = False
         alone[np.flatnonzero(self._representative != np.arange(self.count))] = False

@@ -140,22 +140,9 @@ def scan(path: Path, take: Take) -> Scan:
     return found
 
 
-@dataclass(slots=True)
-class FileIndex:
-    """Contents of a whole file's index.
-
-    Attributes
-    ----------
-    found : Scan
-    chunks : list of Place
-    places : dict
-        By channel: (m, 2) times [ns] of its messages and offsets of their bytes in the content of
-        their chunk; (m,) numbers of these chunks.
-    """
-
-    found: Scan
-    chunks: list[Place]
-    places: dict[int, tuple[NDArray[np.uint64], NDArray[np.uint32]]]
+# What an index says: all but the messages, the chunks, and by channel the times and places of its
+# messages (k, 2) and the chunks (k,) that they stand in.
+FileIndex = tuple[Scan, list[Place], dict[int, tuple[NDArray[np.uint64], NDArray[np.uint32]]]]
 
 
 def scan_index(path: Path) -> FileIndex | None:
@@ -238,7 +225,7 @@ def _by_index(data: mmap.mmap, path: Path) -> FileIndex | None:
                 places.setdefault(channel, []).append((number, data[begin : begin + several]))
             offset += length
     joined = {channel: _joined(pieces) for channel, pieces in places.items()}
-    return FileIndex(found, [place for place, _ in chunks], joined)
+    return found, [place for place, _ in chunks], joined
 
 
 def _nothing(*_: object) -> None:

@@ -103,8 +103,8 @@ class Index:
         if whole is None:
             self.found = scan(path, self._take)
             return
-        self.found, self.chunks = whole.found, whole.chunks
-        for channel, (pairs, chunks) in whole.places.items():
+        self.found, self.chunks, places = whole
+        for channel, (pairs, chunks) in places.items():
             messages, count = Messages(), len(pairs)
             self.channels[channel] = messages
             messages.times.frombytes(pairs[:, 0].tobytes())
@@ -264,8 +264,7 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
     kinds: list[Kind] = [each for each in ("pressure", "raw") if each in widths]
     if kind is None:
         full = {one for (one, _), topic in TOPICS.items() if len(index.of(topic))}
-        filled = [each for each in kinds if each in full]
-        kind = (filled or kinds or ["raw"])[0]
+        kind = ([each for each in kinds if each in full] or kinds or ["raw"])[0]
     if kind not in widths:
         raise DataFormatError(f"holds no {kind} values, only {', '.join(kinds)}", path)
     parts = tuple(str(part) for part in head_value(head, "parts", list, path))

@@ -360,11 +360,9 @@ class McapRecording:
             if kind in self._widths:
                 self._open(topic, ros2.array_type(number), self._head)
         self._open(TOUCHES, "std_msgs/String", {})
-        self._open(JOINT_STATES, TYPES[JOINT_STATES], {})
-        if shows_robot:
-            for topic, type_name in TYPES.items():
-                if topic != JOINT_STATES:
-                    self._open(topic, type_name, {})
+        for topic, type_name in TYPES.items():
+            if shows_robot or topic == JOINT_STATES:
+                self._open(topic, type_name, {})
 
     def _open(self, topic: str, kind: str, words: Mapping[str, str]) -> None:
         if kind not in self._schemas:

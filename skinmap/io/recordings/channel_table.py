@@ -101,11 +101,6 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
     pressures = np.zeros((len(counts), len(skin)), np.uint8)
     rows, columns = _places(_numbers_of(robot, skin, table), table.channels, path)
     pressures[:, rows] = counts[:, columns]
-    several = (mapping.session, mapping.person)
-    sessions, people = (
-        words or (said,) * len(labels)
-        for words, said in zip((table.sessions, table.people), several, strict=True)
-    )
     return Recording(
         mapping.part,
         _follow_on(table.times, table.stretches),
@@ -113,8 +108,8 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
         table.events,
         labels,
         robot=mapping.robot,
-        sessions=sessions,
-        people=people,
+        sessions=table.sessions or (mapping.session,) * len(labels),
+        people=table.people or (mapping.person,) * len(labels),
     )
 
 
@@ -159,12 +154,10 @@ def _check(table: ChannelTable, path: Path) -> None:
         )
     step = float(np.median(np.diff(table.times))) if len(table.times) > 1 else 0.0
     if step >= SLOW:
-        message = f"{path.name}: a sample every {step:.4g} s; see time_unit of its mapping"
-        warn(message, above=1)
+        warn(f"{path.name}: a sample every {step:.4g} s; see time_unit of its mapping", above=1)
     twice = [number for number, count in Counter(table.channels.tolist()).items() if count > 1]
     if twice:
-        named = ", ".join(map(str, twice[:FEW]))
-        raise DataFormatError(f"channels given twice: {named}", path)
+        raise DataFormatError(f"channels given twice: {', '.join(map(str, twice[:FEW]))}", path)
 
 
 def _above_rest(values: FloatArray, stretches: IntArray | None, calm: float) -> FloatArray:
@@ -173,8 +166,7 @@ def _above_rest(values: FloatArray, stretches: IntArray | None, calm: float) -> 
     numbers = np.zeros(len(values)) if stretches is None else stretches
     for number in np.unique(numbers):
         rows = numbers == number
-        rest = np.percentile(values[rows], calm, axis=0)
-        found[rows] = values[rows] - rest
+        found[rows] = values[rows] - np.percentile(values[rows], calm, axis=0)
     return found
 
 
@@ -347,8 +339,7 @@ def channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict[
             "them in the mapping (time, label_column, channels ...)",
             path,
         )
-    numbers = {name: int(match[1][:DIGITS]) for name, match in found.items() if match is not None}
-    return numbers
+    return {name: int(match[1][:DIGITS]) for name, match in found.items() if match is not None}
 
 
 def _line_of(number: int, mapping: Mapping, path: Path) -> int:

@@ -286,8 +286,7 @@ def _messages(path: Path) -> dict[str, NDArray[Any]]:
         if name in topics:
             raise DataFormatError(f"two topics of {name}: {topics[name]}, {channel.topic}", path)
         topics[name] = channel.topic
-        own = index.of(channel.topic)
-        stamps, values = _columns(content, own, kind, path)
+        stamps, values = _columns(content, index.of(channel.topic), kind, path)
         found[name], found["times" if name == "samples" else "reference_times"] = values, stamps
     if "pressure_pa" in found and found["pressure_pa"].min(initial=np.inf) > ABSOLUTE:
         found["pressure_pa"] -= found["pressure_pa"].min()

@@ -14,7 +14,7 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, InvalidArrayError
 from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream, part_events
-from skinmap.io.text import CsvRows, in_file, parse_floats, read_text
+from skinmap.io.text import csv_rows, in_file, parse_floats, read_text
 from skinmap.touch.recording import JOIN, UNNAMED, Recording, check_label
 
 COLUMNS = ("part", "event", "began_s", "ended_s", "label", "session", "person")
@@ -137,9 +137,7 @@ class MarkEditor:
             A name, a split or a join that cannot be.
         """
         if key in ("", "b", "g"):
-            self.place = {"": self.place + 1, "b": self.place - 1}.get(key, -1)
-            if key == "g":
-                self.place = int(rest) - 1
+            self.place = int(rest) - 1 if key == "g" else self.place + (-1 if key else 1)
         elif key == "u":
             self._history = self._history[:-1] or self._history
         else:
@@ -201,8 +199,8 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
         No such file, missing columns, and of a line: no number, an unknown part, an end before
         its beginning, no sample, a label that nobody can use, or a touch that overlaps another.
     """
-    rows = CsvRows(read_text(path), path)
-    names = next(rows, [])
+    rows = csv_rows(read_text(path), path)
+    _, names = next(rows, (1, []))
     if not {"part", "began_s", "ended_s", "label"} <= set(names):
         raise DataFormatError(f"not a table of touches: columns {', '.join(COLUMNS)}", path, 1)
     known = {(one.part, one.event): one for one in before.touches}
@@ -211,7 +209,7 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
     hair = min(HAIR, 0.25 * float(np.median(steps[steps > 0]))) if (steps > 0).any() else HAIR
     found: dict[tuple[str, int], MarkedTouch] = {}  # each with a number of its own
     spans: dict[str, list[tuple[int, int]]] = {}  # of each part, in the order of time
-    for line, row in enumerate(rows, 2):
+    for line, row in rows:
         if not any(cell.strip() for cell in row):
             continue
         if len(row) != len(names):

@@ -83,8 +83,7 @@ class Overview:
         table = {key: [*own, 0] for key, own in zip(keys, felt, strict=True) if own[1]}
         for part, time in began:
             table.setdefault((math.floor(time), part), [0.0, 0, 0])[2] += 1
-        order = sorted(table)
-        rows = np.array([(*key, *table[key]) for key in order], np.float64).reshape(-1, 5)
+        rows = np.array([(*key, *table[key]) for key in sorted(table)], np.float64).reshape(-1, 5)
         seconds, parts, taxels, marks = rows[:, [0, 1, 3, 4]].astype(np.int64).T
         return replace(
             self, seconds=seconds, parts=parts, largest=rows[:, 2], taxels=taxels, marks=marks

@@ -193,11 +193,9 @@ def read_mapping(path: Path) -> Mapping:
         raise DataFormatError(f"not a mapping of a recording: {error}", path) from None
     if isinstance(table.get("robot"), dict):
         raise DataFormatError("is a manifest, not a mapping of a recording", path)
-    fail = partial(DataFormatError, path=path)
-    found = checked(table, Mapping, what="the mapping", fail=fail)
+    found = checked(table, Mapping, what="the mapping", fail=partial(DataFormatError, path=path))
     if found.robot.endswith(".toml"):
-        place = str(path.absolute().parent / found.robot)
-        return msgspec.structs.replace(found, robot=place)
+        return msgspec.structs.replace(found, robot=str(path.absolute().parent / found.robot))
     return found
 
 

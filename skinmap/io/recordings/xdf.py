@@ -323,8 +323,7 @@ def _samples(stream: Any, path: Path) -> tuple[FloatArray, NDArray[Any]]:
     except (LookupError, TypeError):
         drops = ""
     if _nominal_rate(stream) > 0 and str(drops).lower() != "true":
-        bounds = [0, *_breaks(times).tolist(), len(times)]
-        for first, after in pairwise(bounds):
+        for first, after in pairwise([0, *_breaks(times).tolist(), len(times)]):
             rows = np.arange(first, after)[:, None]  # as pyxdf itself does
             line = np.linalg.lstsq(np.hstack([np.ones_like(rows), rows]), times[rows], rcond=-1)[0]
             times[rows] = line[0] + line[1] * rows

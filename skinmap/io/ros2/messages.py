@@ -345,26 +345,8 @@ class Cloud:
         return bytes(self._message)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class ReadCloud:
-    """A cloud that came.
-
-    Attributes
-    ----------
-    stamp : int
-        [ns].
-    frame : str
-    points : (n,) structured array
-        A column for each field of one number.
-    """
-
-    stamp: int
-    frame: str
-    points: NDArray[Any]
-
-
-def read_cloud(data: bytes) -> ReadCloud:
-    """Read a `sensor_msgs/PointCloud2`.
+def read_cloud(data: bytes) -> tuple[int, NDArray[Any]]:
+    """Time [ns] and points (n,) of a `sensor_msgs/PointCloud2`.
 
     Raises
     ------
@@ -374,7 +356,7 @@ def read_cloud(data: bytes) -> ReadCloud:
     cloud = read("sensor_msgs/PointCloud2", data)
     if len(cloud.fields) > MAX_FIELDS:
         raise MessageError(f"a cloud of {len(cloud.fields)} fields, at most {MAX_FIELDS} are read")
-    return ReadCloud(nanoseconds_of(cloud.header), cloud.header.frame_id, points_of(cloud))
+    return nanoseconds_of(cloud.header), points_of(cloud)
 
 
 def points_of(cloud: Any) -> NDArray[Any]:

@@ -298,8 +298,7 @@ def read_cyskin(path: Path) -> CySkin:
     if told.skin is None and not keyed:
         raise fail("neither a skin nor tactile maps in it")
     with in_file(path):
-        found = tuple(_map(one, key) for key, one in keyed)
-        return _skin(told.info.name, told.skin, found)
+        return _skin(told.info.name, told.skin, tuple(_map(one, key) for key, one in keyed))
 
 
 def read_cyskin_taxels(path: Path) -> TaxelTable:
@@ -535,8 +534,7 @@ def _id_faults(ids: IntArray) -> Iterator[str]:
     names, count = np.unique(ids, return_counts=True)
     for name, times in zip(names[count > 1].tolist(), count[count > 1].tolist(), strict=True):
         yield f"{times} taxels have the id {name}: they have a place and no channel"
-    alone = ids[~has_channel(ids) & np.isin(ids, names[count == 1])]
-    for name in alone.tolist():
+    for name in ids[~has_channel(ids) & np.isin(ids, names[count == 1])].tolist():
         why = "is negative" if name < 0 else "is the only one of its module"
         yield f"the id {name} {why}: its taxel has a place and no channel"
 
@@ -636,5 +634,4 @@ def _name_faults(found: CySkin, file: str) -> Iterator[str]:
 
 def _numbered(name: str) -> dict[str, str]:
     """Words of a name that end in a number: {"link": "1"}."""
-    pairs = re.findall(r"([a-z]{3,})[_ -]?(\d+)", name.lower())
-    return dict(pairs)
+    return dict(re.findall(r"([a-z]{3,})[_ -]?(\d+)", name.lower()))

@@ -26,8 +26,8 @@ from skinmap.arrays import IntArray
 from skinmap.errors import DataFormatError, UnknownNameError, warn
 from skinmap.io.text import (
     MAX_CHANNEL,
-    CsvRows,
     check_file,
+    csv_rows,
     in_file,
     parse_floats,
     parse_whole,
@@ -62,9 +62,9 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
     DataFormatError
         As for `read_csv`.
     """
-    reader = CsvRows(text, path)
+    lines = csv_rows(text, path)
     values = array("d")  # a list of lists would take ten times the file's size
-    header = next(reader, None)
+    _, header = next(lines, (1, None))
     names = tuple(cell.strip().lower() for cell in header or ())
     twice = [one for one in COLUMNS if names.count(one) > 1]
     if twice or not {*POSITION} <= {*names}:
@@ -79,10 +79,9 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
     if others:
         rows = "" if COLUMNS[0] in names else "; without `channel`, rows are numbered from 0"
         warn(f"{path.name}: columns that are not read: {first_few(others)[:200]}{rows}")
-    for row in reader:
+    for line, row in lines:
         if row:  # without a channel: its row; without a module or a normal: zeros
             whole = [float(len(values) // len(COLUMNS)), *[0.0] * (len(COLUMNS) - 1)]
-            line = reader.line_num
             if len(row) != len(names):
                 raise DataFormatError(f"expected {len(names)} columns, got {len(row)}", path, line)
             numbers = parse_floats([row[at] for _, at in places], path, line)

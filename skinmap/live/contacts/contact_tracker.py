@@ -323,8 +323,7 @@ class ContactTracker:
                     self.swallowed[track.identity] = track.into
             else:
                 self._tell("end", track, track.seen)
-        ended = {self.tracks[number].identity for number in gone}
-        self._cutter.forget(ended)
+        self._cutter.forget({self.tracks[number].identity for number in gone})
         self.tracks = [self.tracks[number] for number in kept]
 
     def _tell(self, kind: Happening, track: Track, time: float, other: int = -1) -> None:

@@ -114,6 +114,12 @@ class NamedTouch(_Answered):
         }
 
 
+def words_of(touch: NamedTouch) -> tuple[str, ...]:
+    """The three answers of a touch, without their numbers; none where nothing was answered."""
+    said = touch.answers
+    return () if said is None else (said.kind.answer, said.motion.answer, said.hand.answer)
+
+
 Event = TypeVar("Event")
 Happening = Literal["birth", "motion", "merge", "split", "end"]
 

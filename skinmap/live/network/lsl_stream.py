@@ -408,8 +408,7 @@ class LslSource(Source):
         """
         if now - self._asked >= CORRECT:
             self._asked = now
-            asking = threading.Thread(target=self._ask, args=(self._inlet,), daemon=True)
-            asking.start()
+            threading.Thread(target=self._ask, args=(self._inlet,), daemon=True).start()
 
     def _ask(self, inlet: Any) -> None:
         with suppress(RuntimeError):  # lost, or no answer in time: the last offset holds

@@ -312,8 +312,7 @@ class ZenohSource(Source):
                 told.put(message.payload.to_bytes())
 
         self._subscribe(f"{SKIN}/info", hear)
-        said = unpack_info(read_text(self._first(told)).encode())
-        return replace(said, clock="sender")
+        return replace(unpack_info(read_text(self._first(told)).encode()), clock="sender")
 
     def _meet(self, robot: Robot | None, parts: Sequence[str] | None) -> StreamInfo:
         """What the first message of a foreign stream shows."""
@@ -352,11 +351,11 @@ def values_of(kind: str, message: bytes, field: str = "") -> tuple[int, NDArray[
         Another type, or a message that contradicts itself.
     """
     if kind == CLOUD:
-        cloud = read_cloud(message)
-        names = cloud.points.dtype.names or ()
+        stamp, points = read_cloud(message)
+        names = points.dtype.names or ()
         if not names or (field and field not in names):
             raise MessageError(str(UnknownNameError("field of the cloud", field, names)))
-        return cloud.stamp, _plain(np.asarray(cloud.points[field or names[-1]]))
+        return stamp, _plain(np.asarray(points[field or names[-1]]))
     if kind not in ARRAYS:
         raise MessageError(f"messages of type {kind}; clouds and arrays are read")
     return 0, _plain(np.asarray(read(ARRAYS[kind], message).data))

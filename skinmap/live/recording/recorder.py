@@ -575,17 +575,14 @@ def record(
         if path.exists() and not replace:
             raise OutputError(f"{str(path)!r} exists already")
     loaded = resolve_robot(robot)
-    opened = isinstance(source, str | Path)
-    origin = open_source(source, robot=loaded) if isinstance(source, str | Path) else source
-    try:
-        for path in continued(file):
-            path.unlink()  # of the recording that is replaced
-        with closing(Recorder(file, origin.info, robot=loaded)) as recorder:
-            tap = RecordingTap(origin, recorder, patience=PATIENCE, seconds=seconds, looks=True)
-            for _ in blocks(tap):
-                pass
-    finally:
-        if opened:
-            origin.close()
+    if isinstance(source, str | Path):
+        with closing(open_source(source, robot=loaded)) as origin:
+            return record(origin, file, seconds, robot=loaded, replace=replace)
+    for path in continued(file):
+        path.unlink()  # of the recording that is replaced
+    with closing(Recorder(file, source.info, robot=loaded)) as recorder:
+        tap = RecordingTap(source, recorder, patience=PATIENCE, seconds=seconds, looks=True)
+        for _ in blocks(tap):
+            pass
     counts = recorder.counts
     return Recorded(tuple(recorder.files), counts.written, counts.dropped)

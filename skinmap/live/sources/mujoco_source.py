@@ -152,8 +152,7 @@ class MujocoSource(MadeSource):
 
     def angles_at(self, time: float) -> Mapping[str, float]:
         """Joint angles [rad] at a sample's time [s]."""
-        kept = tuple(self._angles)
-        return min(kept, key=lambda one: abs(one[0] - time), default=(time, {}))[1]
+        return min(tuple(self._angles), key=lambda one: abs(one[0] - time), default=(time, {}))[1]
 
 
 def open_mujoco(address: str, *, robot: Robot | None, loop: bool, **wish: Any) -> MujocoSource:

@@ -612,7 +612,8 @@ def check_source(make: Callable[[], Any], *, samples: int = 20, seconds: float =
     _require(sound, f"angles_at gives {angles!r}, expected angles [rad] by joint")
     blocks = _read(source, samples, seconds)
     _require(bool(blocks), f"nothing came within {seconds:g} s")
-    _check_times(blocks)
+    steps = np.diff(np.concatenate([block.times for block in blocks]))
+    _require(bool((steps >= 0).all()), "times run backwards")
     if isinstance(source, Seekable):
         _check_seeking(source, blocks[0], seconds)
     for _ in range(2):
@@ -663,11 +664,6 @@ def _check_block(info: StreamInfo, block: Any) -> None:
     inside = block.values.min() >= 0 and block.values.max() <= 255
     _require(info.kind == "raw" or bool(inside), "pressures must lie within 0 to 255 counts")
     _require(block.arrived <= time.perf_counter(), "arrived lies in the future (perf_counter)")
-
-
-def _check_times(blocks: list[Block]) -> None:
-    steps = np.diff(np.concatenate([block.times for block in blocks]))
-    _require(bool((steps >= 0).all()), "times run backwards")
 
 
 def _check_seeking(source: Seekable, first: Block, seconds: float) -> None:
