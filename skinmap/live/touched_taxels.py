@@ -58,10 +58,7 @@ class TouchedPart:
     @classmethod
     def of(cls, n: int) -> TouchedPart:
         """Of n taxels that were never touched."""
-        unseen = np.full(n, np.nan)
-        return cls(
-            np.zeros(n, np.int64), np.zeros(n), np.zeros(n), unseen, np.full(n, -1, np.int64)
-        )
+        return cls(np.zeros(n, int), np.zeros(n), np.zeros(n), np.full(n, np.nan), np.full(n, -1))
 
     def add(self, other: TouchedPart, rows: slice, begins: Sequence[float]) -> None:
         """Add what some rows (n) of the last recording went through.

@@ -131,13 +131,10 @@ def write_csv(table: TaxelTable, path: Path) -> None:
 
 def csv_text(table: TaxelTable) -> str:
     """A table as `write_csv` writes it."""
-    lines = [",".join(COLUMNS)]
-    for channel, module, position, normal in zip(
-        table.channels, table.modules, table.positions, table.normals, strict=True
-    ):
-        numbers = ",".join(repr(float(value)) for value in (*position, *normal))
-        lines.append(f"{channel},{module},{numbers}")
-    return "\n".join(lines) + "\n"
+    places = np.column_stack([table.positions, table.normals]).tolist()
+    rows = zip(table.channels.tolist(), table.modules.tolist(), places, strict=True)
+    lines = [",".join(map(repr, (channel, module, *place))) for channel, module, place in rows]
+    return "\n".join([",".join(COLUMNS), *lines]) + "\n"
 
 
 Reader = Callable[[Path], TaxelTable]

@@ -110,9 +110,8 @@ class ContactTracker:
             self._measured = time
             self._measure(time, pressures)
         else:
-            for track in self.tracks:
-                if len(track.taxels):
-                    track.seen, track.into = time, -1
+            for track in self.present:
+                track.seen, track.into = time, -1
         self._expire(time)
 
     def _assign(self, time: float, index: IntArray, pressures: FloatArray) -> IntArray:
@@ -303,27 +302,27 @@ class ContactTracker:
 
     def _expire(self, time: float) -> None:
         """End what has not been felt for too long, or what another contact took in."""
-        kept: list[int] = []
-        gone: list[int] = []
-        for number, track in enumerate(self.tracks):
-            over = len(track.taxels) == 0 and (track.into >= 0 or time - track.seen > BRIDGE)
-            (gone if over else kept).append(number)
+        gone = [
+            track
+            for track in self.tracks
+            if not len(track.taxels) and (track.into >= 0 or time - track.seen > BRIDGE)
+        ]
         if not gone:
             return
+        kept = [number for number, track in enumerate(self.tracks) if track not in gone]
         place = np.full(len(self.tracks) + 1, -1, np.int64)  # the last for -1
         place[kept] = np.arange(len(kept))
         self._owner = place[self._owner]
         self._row = place[self._row]
         by_identity = {track.identity: track for track in self.tracks}
-        for number in gone:
-            track = self.tracks[number]
+        for track in gone:
             if track.into >= 0 and track.into in by_identity:
                 self._tell("merge", by_identity[track.into], time, track.identity)
                 if time - track.began <= 2 * SETTLED:
                     self.swallowed[track.identity] = track.into
             else:
                 self._tell("end", track, track.seen)
-        self._cutter.forget({self.tracks[number].identity for number in gone})
+        self._cutter.forget({track.identity for track in gone})
         self.tracks = [self.tracks[number] for number in kept]
 
     def _tell(self, kind: Happening, track: Track, time: float, other: int = -1) -> None:

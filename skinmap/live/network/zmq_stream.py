@@ -31,7 +31,6 @@ from skinmap.live.network.network_messages import (
 from skinmap.live.publishing.publish import HEARTBEAT, Publisher, Topic, repeated
 from skinmap.live.sources.source import (
     MAX_BLOCK,
-    SILENT,
     Block,
     Source,
     StreamInfo,
@@ -90,11 +89,6 @@ class ZmqSource(Source):
             raise
         self._session: int | None = None
         self._sequence = -1
-
-    @property
-    def alive(self) -> bool:
-        """Whether its heartbeat or a sample came within the last second."""
-        return time.perf_counter() - self.last_seen < SILENT
 
     def read(self, timeout: float) -> Block | None:
         """Samples that came, at most 256; None where none does within `timeout` [s].

@@ -149,7 +149,6 @@ def _simulated(address: str, *, robot: Robot | None, seed: int, loop: bool, **wi
     from skinmap.touch.simulation.hands import NAMES
 
     words = [word for word in address.split(",") if word]
-    raw = "raw" in words
     seeds = [word.removeprefix(SEED) for word in words if word.startswith(SEED)]
     names = tuple(one for one in words if one != "raw" and not one.startswith(SEED))
     unknown = [name for name in names if name not in NAMES]
@@ -159,7 +158,7 @@ def _simulated(address: str, *, robot: Robot | None, seed: int, loop: bool, **wi
             f"'sim:{address}'; gestures: {', '.join(NAMES)}"
         )
     seed = int(seeds[-1]) if seeds else seed
-    kind: Kind = "raw" if raw else "pressure"
+    kind: Kind = "raw" if "raw" in words else "pressure"
     robot = robot or load_robot("icub")
     return SimulatedSource(robot, seed=seed, kind=kind, gestures=names, **wish)
 

@@ -231,8 +231,8 @@ class Source(ABC):
 
     @property
     def alive(self) -> bool:
-        """Whether it is there."""
-        return True
+        """Whether it is there: that it gave a sign of life within the last second, where noted."""
+        return not time.perf_counter() - self._last_seen >= SILENT
 
     @property
     def seekable(self) -> bool:
