@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinError
+from skinmap.errors import DataFormatError, InvalidArrayError, SkinError
 from skinmap.io.mcap.mcap_scan import (
     CONTENT,
     DAMAGED,
@@ -44,6 +44,7 @@ from skinmap.io.mcap.writing import (
     McapWriter,
     mark_text,
 )
+from skinmap.io.output import refused
 from skinmap.io.recordings.recorded_stream import (
     NS,
     OVERVIEW,
@@ -556,18 +557,14 @@ def _copied(
     index: Index, head: dict[str, str], output: Path
 ) -> Iterator[tuple[McapWriter, dict[int, int]]]:
     """A new file with the head, channels and tables of another, and the new numbers by the old."""
-    try:
-        with output.open("wb", buffering=0) as file:
-            writer = McapWriter(file, chunk_seconds=REPAIR_SECONDS)
-            writer.add_metadata(METADATA, head)
-            numbers = _channels(writer, index, head)
-            for name, data in sorted(index.found.attachments.items()):
-                if name in (OVERVIEW, WHOLE):
-                    continue  # of the other file
+    with refused(repr(str(output))), output.open("wb", buffering=0) as file:
+        writer = McapWriter(file, chunk_seconds=REPAIR_SECONDS)
+        writer.add_metadata(METADATA, head)
+        numbers = _channels(writer, index, head)
+        for name, data in sorted(index.found.attachments.items()):
+            if name not in (OVERVIEW, WHOLE):  # of the other file
                 writer.add_attachment(name, "text/csv", data)
-            yield writer, numbers
-    except OSError as error:
-        raise OutputError(f"cannot write {str(output)!r}: {error.strerror}") from None
+        yield writer, numbers
 
 
 def _channels(writer: McapWriter, index: Index, head: dict[str, str]) -> dict[int, int]:

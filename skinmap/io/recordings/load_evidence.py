@@ -182,11 +182,7 @@ def read_evidence(path: Path, *, needed: bool = True) -> LoadEvidence:
 
 
 def _with_reference(
-    held: dict[str, NDArray[Any]],
-    kind: str,
-    samples: NDArray[Any],
-    times: FloatArray,
-    path: Path,
+    held: dict[str, NDArray[Any]], kind: str, samples: NDArray[Any], times: FloatArray, path: Path
 ) -> LoadEvidence:
     if kind == PRINTS:
         return _prints(held, samples, times, path)

@@ -8,6 +8,7 @@ from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -23,6 +24,8 @@ KEYS = (
     "enter next, b back, g N go to touch N, n NAME name, s split (s SECONDS after its beginning), "
     "j join with the next of its part, d delete, u undo"
 )
+# Of a touch that was split or joined.
+UNKNOWN: dict[str, Any] = {"owners": None, "motion": None, "channels": (), "answers": None}
 HAIR = 5e-4  # [s], or a quarter of a sample: people write times to the millisecond
 
 
@@ -62,7 +65,7 @@ class Marks:
                 f"a touch of samples {one.first} to {one.last} cannot be split at {row}"
             )
         number = 1 + max(other.event for other in self.touches if other.part == one.part)
-        whole = replace(one, owners=None, motion=None, channels=(), answers=None)
+        whole = replace(one, **UNKNOWN)
         later = replace(whole, event=number, first=row)
         return self._with(place, replace(whole, last=row - 1), later)
 
@@ -80,9 +83,7 @@ class Marks:
             raise InvalidArrayError(f"no later touch of {one.part!r} to join with")
         last = max(one.last, self.touches[later[0]].last)
         rest = tuple(t for k, t in enumerate(self.touches) if k not in (place, later[0]))
-        return Marks(
-            (*rest, replace(one, last=last, owners=None, motion=None, channels=(), answers=None))
-        )
+        return Marks((*rest, replace(one, last=last, **UNKNOWN)))
 
     def _with(self, place: int, *others: MarkedTouch) -> Marks:
         return Marks((*self.touches[:place], *others, *self.touches[place + 1 :]))
@@ -215,7 +216,11 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
         if len(row) != len(names):
             raise DataFormatError(f"{len(row)} cells for {len(names)} columns", path, line)
         cells = dict(zip(names, (cell.strip() for cell in row), strict=True))
-        one = _marked(cells, times, hair, parts, path, line)
+        if cells["part"] not in parts:
+            raise DataFormatError(
+                f"no part {cells['part']!r}; the parts are: {', '.join(parts)}", path, line
+            )
+        one = _marked(cells, times, hair, path, line)
         number = cells.get("event", "")
         if len(number) > MAX_DIGITS:
             raise DataFormatError(f"no touch has the number {number[:20]}...", path, line)
@@ -247,20 +252,11 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
 
 
 def _marked(
-    cells: dict[str, str],
-    times: FloatArray,
-    hair: float,
-    parts: Sequence[str],
-    path: Path,
-    line: int,
+    cells: dict[str, str], times: FloatArray, hair: float, path: Path, line: int
 ) -> MarkedTouch:
     began, ended = parse_floats([cells["began_s"], cells["ended_s"]], path, line)
     first = int(np.searchsorted(times, began - hair))
     last = int(np.searchsorted(times, ended + hair, side="right")) - 1
-    if cells["part"] not in parts:
-        raise DataFormatError(
-            f"no part {cells['part']!r}; the parts are: {', '.join(parts)}", path, line
-        )
     if not first <= last:
         raise DataFormatError(f"no sample from {began:g} to {ended:g} s", path, line)
     label = cells["label"]

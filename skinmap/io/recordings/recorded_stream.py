@@ -116,7 +116,6 @@ class OverviewMaker:
     _rows: list[tuple[int, int, float, int]] = field(default_factory=list)
     _marks: set[tuple[int, int, float]] = field(default_factory=set)
     _second: int | None = None
-    _count: int = 0
     _low: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     _high: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     _rest: NDArray[np.float32] | None = None
@@ -135,7 +134,6 @@ class OverviewMaker:
         else:
             np.fmin(self._low, values, out=self._low, casting="unsafe")
             np.fmax(self._high, values, out=self._high, casting="unsafe")
-        self._count += 1
 
     def mark(self, part: int, event: int, time: float) -> None:
         """Take the beginning of a marked touch [s], once however often it comes."""
@@ -152,7 +150,7 @@ class OverviewMaker:
 
     def _end(self) -> None:
         """Sum up the second that is over."""
-        if self._second is None or self._count == 0:
+        if self._second is None:
             return
         low, high = self._low, self._high
         middle = (low + high) / 2
@@ -173,7 +171,6 @@ class OverviewMaker:
         largest = np.maximum.reduceat(change, starts)
         for part in np.flatnonzero(counts).tolist():
             self._rows.append((self._second, part, float(largest[part]), int(counts[part])))
-        self._count = 0
 
 
 Kind = Literal["raw", "pressure"]

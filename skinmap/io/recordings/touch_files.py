@@ -22,7 +22,6 @@ from skinmap.errors import (
     DataFormatError,
     InvalidArrayError,
     MissingFileError,
-    OutputError,
     SkinMismatchError,
     UnknownNameError,
     check_kind,
@@ -30,6 +29,7 @@ from skinmap.errors import (
 from skinmap.io.mcap.mcap_scan import scan_summary
 from skinmap.io.mcap.reading import Index, read_head, read_track
 from skinmap.io.mcap.writing import McapRecording, said_of
+from skinmap.io.output import refused
 from skinmap.io.recordings.dumper import PartLog, read_dump, read_logs
 from skinmap.io.recordings.learning import track_of_arrays
 from skinmap.io.recordings.recorded_stream import (
@@ -330,11 +330,9 @@ def save_recordings(
     if robot is not None:
         recordings = [replace(one, robot=one.robot or robot.origin) for one in recordings]
     if name.suffix.lower() == ".npz":
-        try:
+        with refused(repr(str(path))):
             archive.save_recordings(list(recordings), path)
-            return
-        except OSError as error:
-            raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from error
+        return
     track = track_of(recordings, path)
     McapRecording(
         path,

@@ -135,11 +135,7 @@ def basins(beside: IntArray, pressures: NDArray[Any]) -> IntArray:
 
 
 def measure(
-    skin: JoinedSkin,
-    index: IntArray,
-    label: IntArray,
-    count: int,
-    pressures: FloatArray,
+    skin: JoinedSkin, index: IntArray, label: IntArray, count: int, pressures: FloatArray
 ) -> Measured:
     """Measures of `count` contacts.
 

@@ -289,9 +289,7 @@ class LslSource(Source):
     To be read from one thread: `open_lsl` puts a `Receiver` around it.
     """
 
-    def __init__(
-        self, address: str, *, robot: Robot | None = None, parts: Sequence[str] | None = None
-    ) -> None:
+    def __init__(self, address: str, *, robot: Robot | None, parts: Sequence[str] | None) -> None:
         scope, name = split_scope(address)
         self._lsl = load_lsl(scope)
         self._name, _, self._uid = name.partition("#")

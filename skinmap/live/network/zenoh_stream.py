@@ -205,11 +205,7 @@ class ZenohSource(Source):
     """
 
     def __init__(
-        self,
-        where: ZenohAddress,
-        *,
-        robot: Robot | None = None,
-        parts: Sequence[str] | None = None,
+        self, where: ZenohAddress, *, robot: Robot | None, parts: Sequence[str] | None
     ) -> None:
         warn_if_open(where.address, "reading from")
         self._where = where

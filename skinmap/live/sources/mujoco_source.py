@@ -136,13 +136,7 @@ class MujocoSource(MadeSource):
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        path: Path,
-        *,
-        parts: Sequence[str] | None = None,
-        seed: int = 0,
-        speed: float = 1.0,
+        self, robot: Robot, path: Path, *, parts: Sequence[str] | None, seed: int, speed: float
     ) -> None:
         touching = MujocoTouching(robot, path, parts=parts, seed=seed)
         name, skins = f"mujoco {path.name}", [robot.skin(part) for part in touching.model.parts]
