@@ -544,12 +544,11 @@ class TouchLoop(Summary):
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""
-        named = "none" if self._namer is None else self._namer.classifier.name
         return {
             "robot": self.robot.name,
             "source": self.info.name,
             "parts": listed(self.skins),
-            "classifier": named,
+            "classifier": "none" if self._namer is None else self._namer.classifier.name,
         }
 
 

@@ -456,14 +456,12 @@ class LslPublisher(Publisher):
         self._scope, self.name = split_scope(address)
         self._lsl = load_lsl(self._scope)
         self._times = OurTimes(self._lsl.local_clock, speed, DRIFT)
-        self._outlets: dict[Topic, Any] = {}
         for found in self._lsl.resolve_byprop("name", self.name, 1, TAKEN):
             raise OutputError(
                 f"an LSL stream named {self.name!r} is there already: "
                 f"{found.uid()} on {found.hostname()}; choose another name"
             )
-        for topic in self.topics:
-            self._outlets[topic] = self._open(topic)
+        self._outlets: dict[Topic, Any] = {topic: self._open(topic) for topic in self.topics}
 
     def wait_for_followers(self, timeout: float) -> bool:
         """Whether a listener connects within a time [s]."""

@@ -6,7 +6,6 @@ each publisher shows itself to ROS 2's graph by a liveliness token (the design p
 
 from __future__ import annotations
 
-import logging
 import os
 import queue
 import secrets
@@ -171,8 +170,6 @@ def _short(error: Exception) -> str:
     return str(error).split(" at /")[0][:200]
 
 
-logger = logging.getLogger(__name__)
-
 WAIT = 3.0  # for a first message [s]
 QUEUED = 1000  # samples kept here between two reads: 20 s at 50 Hz
 CLOUD = dds_name("sensor_msgs/PointCloud2")
@@ -270,9 +267,7 @@ class ZenohSource(Source):
             if len(values) != self._info.channels or not np.isfinite(values).all():
                 raise MessageError(f"{len(values)} values, expected {self._info.channels} numbers")
         except MessageError as error:
-            level = logging.DEBUG if self._counts.refused else logging.WARNING
-            self._counts.refused += 1
-            logger.log(level, "%s: refused: %s", self._where.topic, error)
+            self._refuse(self._where.topic, error)
             return None
         before = self._numbers.get(sender)
         if before is not None and number > before + 1:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import logging
 import secrets
 import threading
 import time
@@ -39,8 +38,6 @@ from skinmap.live.sources.source import (
     follow,
 )
 from skinmap.skin.robot import Robot
-
-logger = logging.getLogger(__name__)
 
 WAIT = 3.0  # for a publisher's description [s]
 LARGEST_INFO = 1 << 16  # bytes of a description that are read
@@ -134,10 +131,7 @@ class ZmqSource(Source):
             header = unpack_header(frames[1])
             values = unpack_values(header, frames[2], self._info)
         except MessageError as error:
-            # It may come with every sample: only the first one is a warning.
-            level = logging.DEBUG if self._counts.refused else logging.WARNING
-            self._counts.refused += 1
-            logger.log(level, "%s: refused: %s", self.address.endpoint, error)
+            self._refuse(self.address.endpoint, error)
             return None
         self._last_seen = arrived
         self._follow(header)

@@ -133,7 +133,6 @@ class FoxglovePublisher(Ros2Publisher):
         where = parse_address(address) if address else Address(HERE, PORT)
         warn_if_open(where, "every machine on the network can read the stream at")
         self._context = foxglove.Context()
-        self._channels: dict[str, Any] = {}
         self._lock = threading.Lock()
         self._scene = None if robot is None else SkinScene(robot, info, self._context)
         self._closed = False
@@ -141,8 +140,8 @@ class FoxglovePublisher(Ros2Publisher):
         self._repeated, self._repeats = 0.0, 0
         # Said before the first sample, so that who subscribes misses none.
         samples = {f"/skin/{topic}": SAMPLES for topic in self.topics if topic in KINDS}
-        for topic, kind in {**samples, **({} if robot is None else TYPES)}.items():
-            self._channels[topic] = self._open(topic, kind)
+        said = {**samples, **({} if robot is None else TYPES)}
+        self._channels = {topic: self._open(topic, kind) for topic, kind in said.items()}
         try:
             self._server = foxglove.start_server(
                 name=f"Skinmap: {info.robot or info.name}",

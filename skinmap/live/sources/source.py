@@ -12,6 +12,7 @@ What a stream says of the skin it comes from, and whether it is the skin we have
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 import time
@@ -131,6 +132,7 @@ __all__ = [
 
 
 MAX_BLOCK = 256  # samples in one: what is given at once stays small
+logger = logging.getLogger(__name__)
 SIMULATION = "simulation"  # the clock of samples that are made when they are asked for
 
 
@@ -247,6 +249,12 @@ class Source(ABC):
     def angles_at(self, time: float) -> Mapping[str, float]:
         """Joint angles [rad] at a sample's time [s]; empty where there are none."""
         return {}
+
+    def _refuse(self, where: str, why: Exception) -> None:
+        """Count a message that is none of this stream; only the first one is a warning."""
+        level = logging.DEBUG if self._counts.refused else logging.WARNING
+        self._counts.refused += 1
+        logger.log(level, "%s: refused: %s", where, why)
 
 
 class Seekable(Source):
