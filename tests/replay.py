@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.loop import TouchLoop
 from skinmap.live.sources.playback import Playback
@@ -47,5 +48,5 @@ def replay(
     )
     widths = tuple(track.shape[1] for track in tracks.values())
     info = StreamInfo("replay", tuple(tracks), widths, rate, robot=robot.name)
-    source = Playback(info, np.arange(longest) / rate, values, speed=float("inf"))
+    source = Playback(RecordedStream(info, np.arange(longest) / rate, values), speed=float("inf"))
     yield from TouchLoop(robot, source, classifier=classifier, skins=skins, pace=PACE)

@@ -18,7 +18,7 @@ from skinmap.errors import (
     UnreachableError,
 )
 from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE, read_taxels
-from skinmap.io.text import CsvRows, read_text
+from skinmap.io.text import csv_rows, read_text
 from skinmap.skin.robot import Robot
 from viewer.drawing.body.bare_body import posed
 from viewer.layers import check_layer
@@ -131,7 +131,7 @@ def _named(name: str, robot: Robot) -> tuple[str, Path]:
 def _covariances(path: Path) -> tuple[np.ndarray, FloatArray]:
     """Channels (n,) and covariances (n, 3, 3) [m2] of a calibrated table."""
     read_taxels(path, "csv")  # checks header and numbers
-    rows = [row for row in CsvRows(read_text(path), path) if row]
+    rows = [row for _, row in csv_rows(read_text(path), path) if row]
     names = tuple(cell.strip() for cell in rows[0])
     if names != (*COLUMNS, *COVARIANCE):
         raise DataFormatError(

@@ -27,6 +27,7 @@ import skinmap
 from benchmarks.harness.record import command
 from benchmarks.harness.timing import memory_mb, quartiles, timed
 from benchmarks.live import recordings
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live import open_publisher
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.named_touch import Moment
@@ -405,7 +406,7 @@ def soak(
     def begun(first: int) -> TouchLoop:
         times = np.arange(first, samples) / 50.0
         played = Repeated(values, samples - first, first)
-        source = Playback(info, times, played, speed=float("inf"))
+        source = Playback(RecordedStream(info, times, played), speed=float("inf"))
         # Ten labels a second: it is memory that is looked at, and 200,000 samples are 67 minutes.
         return TouchLoop(robot, source, classifier=model, skins=skins, pace=10.0)
 

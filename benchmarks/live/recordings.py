@@ -26,6 +26,7 @@ from numpy.typing import NDArray
 import skinmap
 from benchmarks import ROOT
 from skinmap.io.mcap.reading import read_track
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live.recording.recorder import Recorder
 from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.playback import Playback
@@ -197,7 +198,7 @@ def record_until_killed(stored: Path, path: Path, *, last: bool = False) -> None
     if last:
         os.nice(LAST)  # before any thread is begun, as Linux sets it for one thread alone
     info = StreamInfo("simulated", ("all",), (values.shape[1],), RATE)
-    source = Playback(info, np.arange(len(values)) / RATE, values, loop=True)
+    source = Playback(RecordedStream(info, np.arange(len(values)) / RATE, values), loop=True)
     recorder = Recorder(path, info)
     sent = 0
     for block in blocks(source):

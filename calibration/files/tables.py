@@ -20,7 +20,7 @@ from skinmap.errors import DataFormatError, MissingFileError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.io.robots.mesh_file import MESH_SUFFIXES, read_mesh
 from skinmap.io.taxels.taxel_table import COLUMNS, COVARIANCE
-from skinmap.io.text import MAX_CHANNEL, CsvRows, is_file, parse_floats, read_text
+from skinmap.io.text import MAX_CHANNEL, csv_rows, is_file, parse_floats, read_text
 
 CHANNEL = ("channel", "taxel")  # how a first column may be called
 ENTRIES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
@@ -205,8 +205,8 @@ def read_cells(
     DataFormatError
         A missing or unknown column; and where it is come to, a row of another length, no row.
     """
-    reader = CsvRows(read_text(path), path)
-    names = [cell.strip().lower() for cell in next(reader, [])]
+    table = csv_rows(read_text(path), path)
+    names = [cell.strip().lower() for cell in next(table, (1, list[str]()))[1]]
     others = names[1:] if first and names and names[0] in first else names
     if (
         set(needed) - set(others)
@@ -222,14 +222,14 @@ def read_cells(
         )
 
     def rows() -> Iterator[tuple[int, list[str]]]:
-        row = None
-        for row in filter(None, reader):
-            if len(row) != len(names):
-                raise DataFormatError(
-                    f"expected {len(names)} columns, got {len(row)}", path, reader.line_num
-                )
-            yield reader.line_num, row
-        if row is None:
+        some = False
+        for line, row in table:
+            if row and len(row) != len(names):
+                raise DataFormatError(f"expected {len(names)} columns, got {len(row)}", path, line)
+            if row:
+                some = True
+                yield line, row
+        if not some:
             raise DataFormatError("the table has no row", path, 1)
 
     return names, rows()

@@ -50,13 +50,10 @@ def staged_folder(out: Path) -> Iterator[Path]:
     """
     made, stage = not out.exists(), None
     try:
-        with undisturbed():  # or nobody would know what to take away
-            try:
-                out.mkdir(parents=True, exist_ok=True)
-                stage = Path(tempfile.mkdtemp(prefix=".skinmap-", dir=out))
-            except OSError as error:
-                said = f"cannot write to the folder {str(out)!r}: {error.strerror}"
-                raise OutputError(said) from None
+        # Undisturbed, or nobody would know what to take away.
+        with undisturbed(), refused(f"to the folder {str(out)!r}"):
+            out.mkdir(parents=True, exist_ok=True)
+            stage = Path(tempfile.mkdtemp(prefix=".skinmap-", dir=out))
         with refusals(out, stage):
             yield stage
         with refusals(out, out), undisturbed():
@@ -80,11 +77,8 @@ def check_folder(out: Path) -> None:
     OutputError
     """
     there = next(path for path in (out, *out.absolute().parents) if path.exists())
-    try:
-        with undisturbed(), tempfile.TemporaryDirectory(prefix=".skinmap-", dir=there):
-            pass
-    except OSError as error:
-        raise OutputError(f"cannot write to the folder {str(out)!r}: {error.strerror}") from None
+    with refused(f"to the folder {str(out)!r}"), undisturbed():
+        tempfile.TemporaryDirectory(prefix=".skinmap-", dir=there).cleanup()
 
 
 @contextmanager
@@ -133,12 +127,19 @@ def staged_file(path: Path) -> Iterator[Path]:
                 stage.unlink(missing_ok=True)
 
 
+@contextmanager
+def refused(what: str) -> Iterator[None]:
+    """What the system refuses to write, as a line that names it."""
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(f"cannot write {what}: {error.strerror}") from None
+
+
 def _temporary(path: Path) -> Path:
     """An empty file beside `path`, of the same ending."""
-    try:
+    with refused(repr(str(path))):
         handle, name = tempfile.mkstemp(prefix=".skinmap-", suffix=path.suffix, dir=path.parent)
-    except OSError as error:
-        raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from None
     os.close(handle)
     return Path(name)
 

@@ -9,10 +9,11 @@ import re
 import stat
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
-from skinmap.errors import DataFormatError, MissingFileError
+from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
 
 # Units of length that files may be in: the same words in manifests, options and tables.
 UNITS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "in": 0.0254, "inch": 0.0254}
@@ -67,6 +68,15 @@ def read_text(path: Path) -> str:
         raise DataFormatError(f"cannot be read: {error.strerror}", path) from None
 
 
+@contextmanager
+def in_file(path: Path, line: int | None = None) -> Iterator[None]:
+    """Arrays that cannot be, as an error of the file that has them."""
+    try:
+        yield
+    except InvalidArrayError as error:
+        raise DataFormatError(str(error), path, line) from None
+
+
 def read_toml(path: Path) -> dict[str, Any]:
     """The tables of a TOML file.
 
@@ -75,16 +85,15 @@ def read_toml(path: Path) -> dict[str, Any]:
     MissingFileError, DataFormatError
         No such file, not text, or not TOML.
     """
+    text = read_text(path)
     try:
-        return tomllib.loads(read_text(path))
+        return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # huge numbers, deep nests are no TOML errors
-        if isinstance(error, DataFormatError):
-            raise
         raise DataFormatError(f"not TOML: {str(error)[:200]}", path) from None
 
 
-class CsvRows:
-    """Rows of a CSV table, also as spreadsheets save it where numbers have a decimal comma.
+def csv_rows(text: str, path: Path) -> Iterator[tuple[int, list[str]]]:
+    """Line, from 1, and cells of each row of a CSV table, also as spreadsheets save it.
 
     Parameters
     ----------
@@ -93,30 +102,16 @@ class CsvRows:
     path : Path
         For messages: what is not CSV raises DataFormatError.
     """
-
-    def __init__(self, text: str, path: Path) -> None:
-        head = text[: text.find("\n")] if "\n" in text else text
-        delimiter = next((one for one in (",", ";", "\t") if one in head), ",")
-        self._path = path
-        self._commas = delimiter != ","  # are decimal ones
-        self._rows = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
-
-    @property
-    def line_num(self) -> int:
-        """Line of the last row, counted from 1."""
-        return self._rows.line_num
-
-    def __iter__(self) -> Iterator[list[str]]:
-        return self
-
-    def __next__(self) -> list[str]:
-        try:
-            row = next(self._rows)
-        except csv.Error as error:
-            raise DataFormatError(f"not CSV: {error}", self._path, self.line_num) from None
-        if not self._commas:
-            return row
-        return [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in row]
+    head = text.partition("\n")[0]
+    delimiter = next((one for one in (",", ";", "\t") if one in head), ",")
+    rows = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+    try:
+        for row in rows:
+            if delimiter != ",":
+                row = [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in row]
+            yield rows.line_num, row
+    except csv.Error as error:
+        raise DataFormatError(f"not CSV: {error}", path, rows.line_num) from None
 
 
 def parse_floats(words: Sequence[str], path: Path, line: int | None) -> list[float]:

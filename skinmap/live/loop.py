@@ -401,12 +401,11 @@ class TouchLoop(Summary):
         Parts without any are left out. A channel is unheard until it first sent a number and was
         seen at rest: what it sends before is not a touch.
         """
-        found = {}
-        for part, words in self.states().items():
-            channels = self.skins[part].skin.channels
-            if (words != "ok").any():
-                found[part] = {state: channels[words == state].tolist() for state in ILL}
-        return found
+        return {
+            part: {state: self.skins[part].skin.channels[words == state].tolist() for state in ILL}
+            for part, words in self.states().items()
+            if (words != "ok").any()
+        }
 
     @property
     def zero_age(self) -> float | None:
@@ -545,12 +544,11 @@ class TouchLoop(Summary):
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""
-        named = "none" if self._namer is None else self._namer.classifier.name
         return {
             "robot": self.robot.name,
             "source": self.info.name,
             "parts": listed(self.skins),
-            "classifier": named,
+            "classifier": "none" if self._namer is None else self._namer.classifier.name,
         }
 
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from skinmap.imports import import_optional
-from skinmap.live.contacts.named_touch import Moment, NamedTouch
+from skinmap.live.contacts.named_touch import Moment, NamedTouch, words_of
 from skinmap.live.sources.playback import MarkedSpan
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
@@ -271,10 +271,7 @@ def row(time: float, touch: NamedTouch, robot: Robot) -> list[Cell]:
     else:
         ends = ((load.area, MM2), (load.force, 1.0), (load.mean, KILO), (load.peak, KILO))
         numbers = [factor * end for interval, factor in ends for end in interval]
-    answers = touch.answers
-    named: list[Cell] = [None] * 3
-    if answers is not None:
-        named = [answers.kind.answer, answers.motion.answer, answers.hand.answer]
+    named = words_of(touch) or (None, None, None)
     return [
         time, touch.identity, touch.part, robot.part(touch.part).link,
         *(MM * touch.centre).tolist(), *numbers, touch.peak, touch.label, touch.confidence, *named,

@@ -67,14 +67,8 @@ class Namer:
         # Half a period early: times jitter.
         self._period, self._pause = 0.99 / kept, 0.75 / pace
         self._history = np.zeros((MEMORY, len(skin)), np.uint8)
-        self._felt: FloatArray = np.full(len(skin), -np.inf)
-        self._first: IntArray = np.full(len(skin.parts), -1, np.int64)
-        self._done: FloatArray = np.full(len(skin.parts), -np.inf)
-        self._stamps: FloatArray = np.full(MEMORY, -np.inf)
-        self._touch_of: IntArray = np.full(len(skin), -1, np.int64)
         self._lasting: Mapping[int, int] = {}
-        self._count = 0  # samples kept so far; the newest stands at (count - 1) % MEMORY
-        self._slot = -np.inf
+        self.forget()
         self._rests = -np.inf  # until when naming has had its share, by `perf_counter`
 
     def _warm_up(self, skin: PreparedSkin) -> None:
@@ -152,12 +146,13 @@ class Namer:
 
     def forget(self) -> None:
         """The clock began anew."""
-        self._felt.fill(-np.inf)
-        self._first.fill(-1)
-        self._done.fill(-np.inf)
-        self._stamps.fill(-np.inf)
-        self._touch_of.fill(-1)
-        self._count = 0
+        taxels, parts = len(self.skin), len(self.skin.parts)
+        self._felt: FloatArray = np.full(taxels, -np.inf)
+        self._first: IntArray = np.full(parts, -1, np.int64)
+        self._done: FloatArray = np.full(parts, -np.inf)
+        self._stamps: FloatArray = np.full(MEMORY, -np.inf)
+        self._touch_of: IntArray = np.full(taxels, -1, np.int64)
+        self._count = 0  # samples kept so far; the newest stands at (count - 1) % MEMORY
         self._slot = -np.inf
 
     def name(

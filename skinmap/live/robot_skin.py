@@ -45,19 +45,17 @@ class JoinedSkin:
         self.skins = dict(skins)
         self.parts = tuple(self.skins)
         counts = [len(skin) for skin in self.skins.values()]
-        ends = np.cumsum(counts).tolist()
-        self.starts = [end - count for end, count in zip(ends, counts, strict=True)]
+        *self.starts, self.count = np.cumsum([0, *counts]).tolist()
         self.slices = {
-            part: slice(start, end)
-            for part, start, end in zip(self.parts, self.starts, ends, strict=True)
+            part: slice(start, start + count)
+            for part, start, count in zip(self.parts, self.starts, counts, strict=True)
         }
-        self.count = int(sum(counts))
         self.part_of: IntArray = np.repeat(np.arange(len(counts)), counts)
         every = list(self.skins.values())
         self.positions: FloatArray = np.concatenate([skin.skin.positions for skin in every])
         self.normals: FloatArray = np.concatenate([skin.skin.normals for skin in every])
         self.areas: FloatArray = np.concatenate([skin.geometry.areas for skin in every])
-        self.neighbours = padded_neighbours(np.column_stack(self._links()), self.count)
+        self.neighbours = padded_neighbours(self._links(), self.count)
         self.around = self._triangles_around()
         self.patch_of = self._patches()
 
@@ -77,8 +75,7 @@ class JoinedSkin:
     @cached_property
     def faces(self) -> IntArray:
         """(m, 3) triangles of all meshes; a taxel in none of them is one of no size."""
-        meshes = [skin.mesh.faces + start for skin, start in self._with_starts()]
-        faces = np.concatenate(meshes)
+        faces = np.concatenate([skin.mesh.faces + start for skin, start in self._with_starts()])
         alone = np.ones(self.count, bool)
         alone[faces.ravel()] = False
         alone[np.flatnonzero(self._representative != np.arange(self.count))] = False
@@ -91,9 +88,8 @@ class JoinedSkin:
         for face, corners in enumerate(self.faces.tolist()):
             for corner in corners:
                 at[corner].add(face)
-        one, other = self._links()
         near = [set(at[k]) for k in self._representative.tolist()]
-        for a, b in zip(one.tolist(), other.tolist(), strict=True):
+        for a, b in self._links().tolist():
             near[a] |= at[b]
         width = max(map(len, near))
         return np.array([sorted(s) + [max(s)] * (width - len(s)) for s in near], np.int64)
@@ -107,10 +103,9 @@ class JoinedSkin:
     def _with_starts(self) -> list[tuple[PreparedSkin, int]]:
         return list(zip(self.skins.values(), self.starts, strict=True))
 
-    def _links(self) -> tuple[IntArray, IntArray]:
+    def _links(self) -> IntArray:
         """Pairs of taxels that the meshes join, in both directions, by their first."""
-        pairs = np.concatenate([skin.geometry.links + start for skin, start in self._with_starts()])
-        return pairs[:, 0], pairs[:, 1]
+        return np.concatenate([skin.geometry.links + start for skin, start in self._with_starts()])
 
     def _patches(self) -> IntArray:
         """Number the sheets of all parts one after the other; unplaced taxels are sheets alone."""

@@ -58,10 +58,7 @@ class TouchedPart:
     @classmethod
     def of(cls, n: int) -> TouchedPart:
         """Of n taxels that were never touched."""
-        unseen = np.full(n, np.nan)
-        return cls(
-            np.zeros(n, np.int64), np.zeros(n), np.zeros(n), unseen, np.full(n, -1, np.int64)
-        )
+        return cls(np.zeros(n, int), np.zeros(n), np.zeros(n), np.full(n, np.nan), np.full(n, -1))
 
     def add(self, other: TouchedPart, rows: slice, begins: Sequence[float]) -> None:
         """Add what some rows (n) of the last recording went through.
@@ -141,8 +138,7 @@ class Touched:
         found.recording[found.count > 0] = len(self.recordings)
         self.recordings.append(name)
         self.begins.append(first)
-        ends = np.cumsum(sizes).tolist()
-        for part, size, end_of in zip(loop.skins, sizes, ends, strict=True):
+        for part, size, end_of in zip(loop.skins, sizes, np.cumsum(sizes).tolist(), strict=True):
             mine = self.parts.setdefault(part, TouchedPart.of(size))
             mine.add(found, slice(end_of - size, end_of), self.begins)
 
@@ -150,8 +146,7 @@ class Touched:
         """A line for each taxel of each part, see `COLUMNS`."""
         lines = [COLUMNS]
         for part, one in self.parts.items():
-            channels = self.skins[part].skin.channels.tolist()
-            for row, channel in enumerate(channels):
+            for row, channel in enumerate(self.skins[part].skin.channels.tolist()):
                 known = one.recording[row] >= 0
                 last = f"{one.last[row]:.3f}" if known else ""
                 name = self.recordings[one.recording[row]] if known else ""

@@ -8,7 +8,7 @@ import pytest
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.io.taxels.icub import read_icub
 from skinmap.io.taxels.taxel_table import COLUMNS, read_csv, read_taxels, readers, write_csv
-from skinmap.io.text import CsvRows
+from skinmap.io.text import csv_rows
 from skinmap.skin.taxels import TaxelTable
 
 HEADER = ",".join(COLUMNS)
@@ -101,9 +101,12 @@ def test_a_table_saved_by_a_spreadsheet_is_read(tmp_path, mark, end, comma):
 
 
 def test_a_decimal_comma_is_one_only_between_semicolons(tmp_path):
-    rows = CsvRows('name;x\n"poke, hard";0,5\n1,5e-3;"1,2,3"\n', tmp_path)
-    assert list(rows) == [["name", "x"], ["poke, hard", "0.5"], ["1.5e-3", "1,2,3"]]
-    assert list(CsvRows('a,b\n"0,5",1;2\n', tmp_path)) == [["a", "b"], ["0,5", "1;2"]]
+    def rows(text):
+        return [row for _, row in csv_rows(text, tmp_path)]
+
+    found = rows('name;x\n"poke, hard";0,5\n1,5e-3;"1,2,3"\n')
+    assert found == [["name", "x"], ["poke, hard", "0.5"], ["1.5e-3", "1,2,3"]]
+    assert rows('a,b\n"0,5",1;2\n') == [["a", "b"], ["0,5", "1;2"]]
 
 
 def test_read_csv_refuses_what_is_not_text(tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import BrokenPluginError
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live import check_source
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.simulated_source import SimulatedSource
@@ -44,8 +45,10 @@ def test_our_sources_keep_the_contract(icub):
     check_source(Good)
     check_source(lambda: SimulatedSource(icub, parts=["left_hand"], speed=100.0))
     values = np.arange(90, dtype=np.uint8).reshape(30, 3)
-    check_source(lambda: Playback(INFO, np.arange(30) / 50, values))
-    check_source(lambda: Playback(INFO, np.arange(30) / 50, values, speed=np.inf, loop=False))
+    check_source(lambda: Playback(RecordedStream(INFO, np.arange(30) / 50, values)))
+    check_source(
+        lambda: Playback(RecordedStream(INFO, np.arange(30) / 50, values), speed=np.inf, loop=False)
+    )
 
 
 class NotDerived:
@@ -148,7 +151,8 @@ class Forgets(Playback):
     """A recording that cannot be led back."""
 
     def __init__(self) -> None:
-        super().__init__(INFO, np.arange(3.0), np.arange(9, dtype=np.uint8).reshape(3, 3))
+        values = np.arange(9, dtype=np.uint8).reshape(3, 3)
+        super().__init__(RecordedStream(INFO, np.arange(3.0), values))
         self.speed = np.inf
 
     def seek(self, seconds: float) -> None:

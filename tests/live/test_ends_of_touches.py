@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import skinmap
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live.loop import TouchLoop
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import SourceEnded, StreamInfo
@@ -19,7 +20,7 @@ def test_noise_that_is_taken_for_touches_gives_none_without_an_end(noise):
     n = len(robot.skin("torso"))
     values = np.random.default_rng(1).normal(0, noise, (200, n)).clip(0, 255).astype(np.float32)
     info = StreamInfo("noise", ("torso",), (n,), 50.0)
-    source = Playback(info, np.arange(200) / 50, values, speed=np.inf)
+    source = Playback(RecordedStream(info, np.arange(200) / 50, values), speed=np.inf)
     loop = TouchLoop(robot, source, classifier=GivenName("poke"), live=False, singly=True)
     ends: list[tuple[float, float]] = []
     try:
@@ -42,7 +43,7 @@ def test_a_touch_that_the_end_of_the_samples_cuts_off_is_unfinished_and_no_tap()
     info = StreamInfo("press", ("left_forearm",), (len(skin),), 50.0)
     ends = []
     for count in (107, 250):
-        source = Playback(info, times[:count], values[:count], speed=np.inf)
+        source = Playback(RecordedStream(info, times[:count], values[:count]), speed=np.inf)
         loop = TouchLoop(robot, source, classifier=skinmap.default_model())
         list(loop)
         ends += loop.finished()

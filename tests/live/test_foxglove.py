@@ -131,8 +131,8 @@ def test_client_gets_scene_touches_transforms_samples_and_labels(publisher, clie
     width = len(icub.skin(PART))
     values = np.frombuffer(got["/skin/pressure"][-1], "<f4", offset=36)
     np.testing.assert_array_equal(values, np.arange(width))
-    cloud = read_cloud(got["/skin/points"][-1])
-    np.testing.assert_array_equal(cloud.points["pressure"], np.arange(width))
+    _, points = read_cloud(got["/skin/points"][-1])
+    np.testing.assert_array_equal(points["pressure"], np.arange(width))
     assert b"poke" in got["/skin/markers"][-1]
     assert f"skin {PART}".encode() in got["/skin/scene"][-1]
     # A colour (38 bytes with its head) and a point (29) for each taxel, and three corners a face.

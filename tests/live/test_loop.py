@@ -17,6 +17,7 @@ from skinmap.errors import (
     UnknownNameError,
     UnreachableError,
 )
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live import namer
 from skinmap.live.loop import TouchLoop
 from skinmap.live.publishing.publish import Publisher
@@ -213,7 +214,7 @@ def test_a_classifier_names_live_touches_as_it_names_events(icub, prepared, mode
     leg = prepared("right_leg_lower")
     recording = simulate(leg.skin, rng=np.random.default_rng(21), per_gesture=4, variety=0.0)
     info = StreamInfo("leg", (leg.skin.part,), (len(leg),), RATE)
-    source = Playback(info, recording.times, recording.pressures, speed=np.inf)
+    source = Playback(RecordedStream(info, recording.times, recording.pressures), speed=np.inf)
     loop = TouchLoop(icub, source, classifier=model, skins={leg.skin.part: leg})
     moments = list(loop)
     assert len(moments) == len(recording.times)
@@ -239,7 +240,7 @@ def test_a_classifier_that_fails_costs_names_and_no_sample(icub, prepared, model
     info = StreamInfo("leg", (leg.skin.part,), (len(leg),), RATE)
 
     def followed() -> tuple[TouchLoop, int]:
-        source = Playback(info, recording.times, recording.pressures, speed=np.inf)
+        source = Playback(RecordedStream(info, recording.times, recording.pressures), speed=np.inf)
         loop = TouchLoop(icub, source, classifier=model, skins={leg.skin.part: leg})
         return loop, len(list(loop))
 
@@ -290,7 +291,7 @@ def test_a_dead_source_is_shown_within_a_second_and_again_when_it_lives(icub, pr
 
 
 def test_a_paused_recording_is_not_dead(icub, prepared, monkeypatch):
-    source = Playback(INFO, [0.0, 0.02], np.zeros((2, N), np.uint8), speed=0.0)
+    source = Playback(RecordedStream(INFO, [0.0, 0.02], np.zeros((2, N), np.uint8)), speed=0.0)
     loop = TouchLoop(icub, source, skins={PART: prepared(PART)})
     loop.step(0.0)
     loop.feed._heard -= 60.0
@@ -337,7 +338,7 @@ def test_a_publisher_sends_every_sample_of_a_step(icub, prepared):
 def test_seek_begins_anew(icub, prepared):
     samples = np.zeros((100, N), np.uint8)
     samples[10:50, 10:12] = 90
-    source = Playback(INFO, np.arange(100) / RATE, samples, speed=np.inf)
+    source = Playback(RecordedStream(INFO, np.arange(100) / RATE, samples), speed=np.inf)
     loop = TouchLoop(icub, source, skins={PART: prepared(PART)})
     for _ in range(20):
         moment = loop.step(0.0)
@@ -444,12 +445,10 @@ def test_what_a_source_and_the_loop_count_is_counted_once(icub, prepared):
 def test_joint_angles_of_a_recording_reach_the_moment(icub, prepared):
     angles = np.array([[0.1, np.nan], [0.2, 1.0]])
     source = Playback(
-        INFO,
-        [0.0, 0.02],
-        np.zeros((2, N), np.uint8),
+        RecordedStream(
+            INFO, [0.0, 0.02], np.zeros((2, N), np.uint8), joints=("elbow", "wrist"), angles=angles
+        ),
         speed=float("inf"),
-        joints=("elbow", "wrist"),
-        angles=angles,
     )
     loop = TouchLoop(icub, source, skins={PART: prepared(PART)})
     assert [moment.angles for moment in loop] == [{"elbow": 0.1}, {"elbow": 0.2, "wrist": 1.0}]
@@ -477,7 +476,7 @@ def test_a_touch_named_by_how_it_goes_on_is_looked_at_less_often_the_longer_it_l
     trembling = np.where(np.arange(220) % 2, 88, 92)[:, None]  # what stands still hangs
     values[10:210, np.argsort(away[far[0]])[:4]] = trembling[10:210]
     values[150:200, np.argsort(away[far[1]])[:4]] = trembling[150:200]
-    source = Playback(INFO, np.arange(220) / RATE, values, speed=np.inf)
+    source = Playback(RecordedStream(INFO, np.arange(220) / RATE, values), speed=np.inf)
     loop = TouchLoop(icub, source, classifier=default_model(), skins={PART: skin})
     given = []
     for _ in loop:

@@ -10,6 +10,7 @@ from skinmap.errors import (
     SkinMismatchError,
     UnknownNameError,
 )
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live import open_source
 from skinmap.live.sources.open_source import sources
 from skinmap.live.sources.playback import Playback
@@ -99,7 +100,9 @@ def test_open_source_simulates_touches_in_time():
 
 def test_open_source_finds_plug_ins(monkeypatch):
     asked = {}
-    made = Playback(StreamInfo("mine", ("arm",), (1,), 1.0), [0.0], np.zeros((1, 1), np.uint8))
+    made = Playback(
+        RecordedStream(StreamInfo("mine", ("arm",), (1,), 1.0), [0.0], np.zeros((1, 1), np.uint8))
+    )
 
     def opened(address, **how):
         asked.update(how, address=address)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import skinmap
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live.contacts.sample_contacts import Track
 from skinmap.live.loop import TouchLoop
 from skinmap.live.namer import Namer
@@ -36,7 +37,9 @@ def model():
 def looped(skin, values, model, robot="kaspar"):
     part = skin.skin.part
     info = StreamInfo("looped", (part,), (len(skin),), RATE)
-    source = Playback(info, np.arange(len(values)) / RATE, values, speed=np.inf, loop=True)
+    source = Playback(
+        RecordedStream(info, np.arange(len(values)) / RATE, values), speed=np.inf, loop=True
+    )
     robot = skinmap.load_robot(robot)
     return TouchLoop(robot, source, classifier=model, skins={part: skin})
 
@@ -85,7 +88,7 @@ def test_two_presses_apart_stay_two_for_ten_minutes(torso):
         held = values[round(begin * rate) :]
         held[:, near] = rng.integers(85, 110, (len(held), len(near)))  # a hand trembles
     info = StreamInfo("held", ("torso",), (len(torso),), rate)
-    source = Playback(info, np.arange(len(values)) / rate, values, speed=np.inf)
+    source = Playback(RecordedStream(info, np.arange(len(values)) / rate, values), speed=np.inf)
     robot = skinmap.load_robot("kaspar")
     loop = TouchLoop(robot, source, classifier=GivenName("x"), skins={"torso": torso}, pace=1.0)
     felt = {}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import MAX_BLOCK, Seekable, SourceEnded, StreamInfo, blocks
 
@@ -16,7 +17,7 @@ def info(channels: int = 3, rate: float = 50.0) -> StreamInfo:
 
 def planted(count: int = 20, rate: float = 50.0, **how) -> Playback:
     values = np.arange(3 * count, dtype=np.uint8).reshape(count, 3)
-    return Playback(info(rate=rate), 5.0 + np.arange(count) / rate, values, **how)
+    return Playback(RecordedStream(info(rate=rate), 5.0 + np.arange(count) / rate, values), **how)
 
 
 def test_playback_is_a_seekable_source():
@@ -106,14 +107,14 @@ def test_playback_loops_from_the_end_to_the_beginning():
 def test_playback_of_nothing_ends_at_once():
     for loop in (False, True):
         with pytest.raises(SourceEnded):
-            Playback(info(), [], np.zeros((0, 3), np.uint8), loop=loop).read(1.0)
+            Playback(RecordedStream(info(), [], np.zeros((0, 3), np.uint8)), loop=loop).read(1.0)
 
 
 def test_playback_refuses_what_cannot_be_played():
     values = np.zeros((2, 3), np.uint8)
     with pytest.raises(InvalidArrayError, match="must not run backwards"):
-        Playback(info(), [1.0, 0.0], values)
+        Playback(RecordedStream(info(), [1.0, 0.0], values))
     with pytest.raises(InvalidArrayError, match="3 times for 2 samples"):
-        Playback(info(), [0.0, 1.0, 2.0], values)
+        Playback(RecordedStream(info(), [0.0, 1.0, 2.0], values))
     with pytest.raises(InvalidArrayError, match="speed must not be negative, got -1"):
-        Playback(info(), [0.0, 1.0], values, speed=-1.0)
+        Playback(RecordedStream(info(), [0.0, 1.0], values), speed=-1.0)

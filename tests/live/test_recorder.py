@@ -19,7 +19,7 @@ from benchmarks.live import recordings
 from skinmap.errors import InvalidArrayError, OutputError, SkinMismatchError, SkinWarning
 from skinmap.io.mcap.reading import read_track
 from skinmap.io.mcap.writing import McapRecording, McapWriter
-from skinmap.io.recordings.recorded_stream import nanoseconds_of, rate_by_times
+from skinmap.io.recordings.recorded_stream import RecordedStream, nanoseconds_of, rate_by_times
 from skinmap.live.recording import recorder as module
 from skinmap.live.recording import recorder as tap_module
 from skinmap.live.recording.recorder import Recorder, RecordingTap
@@ -69,7 +69,8 @@ def test_joint_angles_of_a_source_are_recorded_where_they_change(tmp_path, info,
     angles = np.repeat([[0.1, np.nan], [0.2, 1.0]], 300, axis=0)
     times = np.arange(600) / 50
     played = Playback(
-        info, times, values, speed=float("inf"), joints=("elbow", "wrist"), angles=angles
+        RecordedStream(info, times, values, joints=("elbow", "wrist"), angles=angles),
+        speed=float("inf"),
     )
     recorder = Recorder(tmp_path / "t.mcap", info)
     for _ in blocks(RecordingTap(played, recorder)):
@@ -121,7 +122,9 @@ def test_files_rotate_by_time(tmp_path, info, values, monkeypatch):
 
 
 def test_time_that_starts_again_gets_a_file_of_its_own(tmp_path, info, values):
-    source = Playback(info, np.arange(100) / 50, values[:100], speed=np.inf, loop=True)
+    source = Playback(
+        RecordedStream(info, np.arange(100) / 50, values[:100]), speed=np.inf, loop=True
+    )
     recorder = Recorder(tmp_path / "t.mcap", info)
     for _ in range(3):
         recorder.put(source.read(1.0))
@@ -223,7 +226,7 @@ def test_bad_time_ends_the_recording_with_an_error_and_a_whole_file(tmp_path, in
 
 
 def test_recorded_source_passes_on_what_it_records_and_ends_in_time(tmp_path, info, values):
-    source = Playback(info, np.arange(600) / 50, values, speed=np.inf)
+    source = Playback(RecordedStream(info, np.arange(600) / 50, values), speed=np.inf)
     recorder = Recorder(tmp_path / "t.mcap", info)
     recorded = RecordingTap(source, recorder, seconds=6.0)
     passed = np.concatenate([one.values for one in blocks(recorded)])

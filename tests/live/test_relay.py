@@ -5,6 +5,7 @@ import pytest
 
 import skinmap.live
 from skinmap.errors import BrokenPluginError
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live.sources.open_source import sources
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import (
@@ -46,7 +47,7 @@ def test_a_relay_changes_nothing_that_it_does_not_define():
         assert told(source) == told(inner)
         assert source.last_seen == 7.0
     assert choose_parts(inner, ["hand"]).info.widths == (2,)
-    led = Relay(Playback(INFO, np.arange(3.0), np.zeros((3, 5), np.uint8)))
+    led = Relay(Playback(RecordedStream(INFO, np.arange(3.0), np.zeros((3, 5), np.uint8))))
     assert led.seekable
     assert not isinstance(led, Seekable)
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import skinmap
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live.loop import TouchLoop
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.simulated_source import SimulatedSource
@@ -20,7 +21,7 @@ def played(prepared, samples):
     """The loop over samples (t, n), all of it done, and its moments."""
     skin = prepared(PART)
     info = StreamInfo("planted", (PART,), (len(skin),), RATE)
-    source = Playback(info, np.arange(len(samples)) / RATE, samples, speed=np.inf)
+    source = Playback(RecordedStream(info, np.arange(len(samples)) / RATE, samples), speed=np.inf)
     loop = TouchLoop(
         skinmap.load_robot("icub"), source, classifier=GivenName("x"), skins={PART: skin}
     )
@@ -87,9 +88,9 @@ def test_the_rest_can_be_learnt_before_the_first_moment(prepared, rng):
     skin = prepared(PART)
     info = StreamInfo("planted", (PART,), (len(skin),), RATE)
     times = np.arange(len(samples)) / RATE
-    source = Playback(info, times, samples, speed=np.inf)
+    source = Playback(RecordedStream(info, times, samples), speed=np.inf)
     loop = TouchLoop(skinmap.load_robot("icub"), source, skins={PART: skin})
-    loop.learn_rest(Playback(info, times, samples, speed=np.inf))
+    loop.learn_rest(Playback(RecordedStream(info, times, samples), speed=np.inf))
     moment = loop.step(1.0)
     assert moment is not None
     assert set(moment.states[PART][own]) == {"stuck"}

@@ -13,6 +13,7 @@ from click.testing import CliRunner
 import skinmap
 from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, SkinWarning
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import StreamInfo
 from skinmap.live.touched_taxels import recordings_of, touched_in
@@ -48,7 +49,9 @@ def planted(spot, *, gap: float = 0.0, clock: float = 0.0) -> Playback:
     values[:, 7] = 200.0
     values[250, 200] = 180.0
     times = clock + np.where(times > 8.0, times + gap, times)
-    return Playback(StreamInfo("planted", ("torso",), (240,), RATE), times, values, speed=np.inf)
+    return Playback(
+        RecordedStream(StreamInfo("planted", ("torso",), (240,), RATE), times, values), speed=np.inf
+    )
 
 
 def test_touched_counts_planted_presses(robot, skin, spot):
@@ -92,7 +95,9 @@ def test_touched_does_not_count_a_gap_as_dwell(robot, skin, spot):
 
 def test_touched_refuses_other_parts(robot, skin, spot):
     info = StreamInfo("other", ("left_foot",), (96,), RATE)
-    other = Playback(info, np.arange(3) / RATE, np.zeros((3, 96), np.float32), speed=np.inf)
+    other = Playback(
+        RecordedStream(info, np.arange(3) / RATE, np.zeros((3, 96), np.float32)), speed=np.inf
+    )
     with pytest.raises(SkinMismatchError, match="left_foot"):
         touched_in([Path("a")], robot, {"torso": skin}, lambda _: other)
 

@@ -66,8 +66,7 @@ def file_sources(paths: Sequence[Path], meshing: str | None = None) -> dict[str,
     """
 
     def surface(path: Path) -> SurfaceMesh:
-        mesh = read_mesh(path, merge=False)
-        return mesh_surface(*mesh, name=path.name)
+        return mesh_surface(*read_mesh(path, merge=False), name=path.name)
 
     found = []
     for path in paths:

@@ -10,9 +10,10 @@ from __future__ import annotations
 import io
 import json
 import mmap
+import re
 import struct
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any, TypeVar
@@ -36,7 +37,8 @@ WHOLE = "whole.json"  # an attachment: how many bytes stand before it, and their
 END = HEAD.size + FOOTER_BODY.size + len(MAGIC)  # bytes of a footer and what follows
 CONTENT = HEAD.size + MESSAGE_HEAD.size  # from a message's record to its bytes
 # Where to go on after damage: a chunk record, told by the name of its compression.
-NAMES = (b"\x04\0\0\0zstd", b"\x03\0\0\0lz4")
+NAME = re.compile(rb"\x04\0\0\0zstd|\x03\0\0\0lz4")
+LONGEST_NAME = 8  # bytes that it matches
 CHUNK_HEAD = struct.Struct("<QQQII")  # times, size, checksum, length of the compression's name
 BEFORE_NAME = HEAD.size + CHUNK_HEAD.size - 4
 WINDOW = 2**20
@@ -138,22 +140,9 @@ def scan(path: Path, take: Take) -> Scan:
     return found
 
 
-@dataclass(slots=True)
-class FileIndex:
-    """Contents of a whole file's index.
-
-    Attributes
-    ----------
-    found : Scan
-    chunks : list of Place
-    places : dict
-        By channel: (m, 2) times [ns] of its messages and offsets of their bytes in the content of
-        their chunk; (m,) numbers of these chunks.
-    """
-
-    found: Scan
-    chunks: list[Place]
-    places: dict[int, tuple[NDArray[np.uint64], NDArray[np.uint32]]]
+# What an index says: all but the messages, the chunks, and by channel the times and places of its
+# messages (k, 2) and the chunks (k,) that they stand in.
+FileIndex = tuple[Scan, list[Place], dict[int, tuple[NDArray[np.uint64], NDArray[np.uint32]]]]
 
 
 def scan_index(path: Path) -> FileIndex | None:
@@ -236,7 +225,7 @@ def _by_index(data: mmap.mmap, path: Path) -> FileIndex | None:
                 places.setdefault(channel, []).append((number, data[begin : begin + several]))
             offset += length
     joined = {channel: _joined(pieces) for channel, pieces in places.items()}
-    return FileIndex(found, [place for place, _ in chunks], joined)
+    return found, [place for place, _ in chunks], joined
 
 
 def _nothing(*_: object) -> None:
@@ -320,29 +309,17 @@ def _after_damage(file: IO[bytes], offset: int, opcode: int, found: Scan, take: 
 
 def _resync(file: IO[bytes], offset: int, found: Scan) -> int:
     """Where the next chunk begins at or after an offset; the end of the file where none does."""
-    overlap = BEFORE_NAME + max(map(len, NAMES))
+    overlap = BEFORE_NAME + LONGEST_NAME
     while offset < found.size:
         file.seek(offset)
         window = file.read(WINDOW + overlap)
-        places = sorted(
-            place - BEFORE_NAME
-            for name in NAMES
-            for place in _all(window, name)
-            if place >= BEFORE_NAME and window[place - BEFORE_NAME] == CHUNK
-        )
-        for place in places:
-            _, length = HEAD.unpack_from(window, place)
-            if length <= MAX_RECORD:
+        for name in NAME.finditer(window, BEFORE_NAME):
+            place = name.start() - BEFORE_NAME
+            opcode, length = HEAD.unpack_from(window, place)
+            if opcode == CHUNK and length <= MAX_RECORD:
                 return offset + place
         offset += WINDOW
     return found.size
-
-
-def _all(window: bytes, name: bytes) -> Iterator[int]:
-    place = window.find(name)
-    while place >= 0:
-        yield place
-        place = window.find(name, place + 1)
 
 
 def _content(opcode: int, body: bytes, place: Place, found: Scan, take: Take) -> None:

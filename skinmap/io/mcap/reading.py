@@ -11,6 +11,8 @@ from array import array
 from collections import Counter, OrderedDict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from heapq import merge
+from itertools import count, repeat
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, SkinError
+from skinmap.errors import DataFormatError, InvalidArrayError, SkinError
 from skinmap.io.mcap.mcap_scan import (
     CONTENT,
     DAMAGED,
@@ -42,6 +44,7 @@ from skinmap.io.mcap.writing import (
     McapWriter,
     mark_text,
 )
+from skinmap.io.output import refused
 from skinmap.io.recordings.recorded_stream import (
     NS,
     OVERVIEW,
@@ -101,8 +104,8 @@ class Index:
         if whole is None:
             self.found = scan(path, self._take)
             return
-        self.found, self.chunks = whole.found, whole.chunks
-        for channel, (pairs, chunks) in whole.places.items():
+        self.found, self.chunks, places = whole
+        for channel, (pairs, chunks) in places.items():
             messages, count = Messages(), len(pairs)
             self.channels[channel] = messages
             messages.times.frombytes(pairs[:, 0].tobytes())
@@ -262,8 +265,7 @@ def read_track(path: Path, *, kind: Kind | None = None) -> RecordedStream:
     kinds: list[Kind] = [each for each in ("pressure", "raw") if each in widths]
     if kind is None:
         full = {one for (one, _), topic in TOPICS.items() if len(index.of(topic))}
-        filled = [each for each in kinds if each in full]
-        kind = (filled or kinds or ["raw"])[0]
+        kind = ([each for each in kinds if each in full] or kinds or ["raw"])[0]
     if kind not in widths:
         raise DataFormatError(f"holds no {kind} values, only {', '.join(kinds)}", path)
     parts = tuple(str(part) for part in head_value(head, "parts", list, path))
@@ -555,18 +557,14 @@ def _copied(
     index: Index, head: dict[str, str], output: Path
 ) -> Iterator[tuple[McapWriter, dict[int, int]]]:
     """A new file with the head, channels and tables of another, and the new numbers by the old."""
-    try:
-        with output.open("wb", buffering=0) as file:
-            writer = McapWriter(file, chunk_seconds=REPAIR_SECONDS)
-            writer.add_metadata(METADATA, head)
-            numbers = _channels(writer, index, head)
-            for name, data in sorted(index.found.attachments.items()):
-                if name in (OVERVIEW, WHOLE):
-                    continue  # of the other file
+    with refused(repr(str(output))), output.open("wb", buffering=0) as file:
+        writer = McapWriter(file, chunk_seconds=REPAIR_SECONDS)
+        writer.add_metadata(METADATA, head)
+        numbers = _channels(writer, index, head)
+        for name, data in sorted(index.found.attachments.items()):
+            if name not in (OVERVIEW, WHOLE):  # of the other file
                 writer.add_attachment(name, "text/csv", data)
-            yield writer, numbers
-    except OSError as error:
-        raise OutputError(f"cannot write {str(output)!r}: {error.strerror}") from None
+        yield writer, numbers
 
 
 def _channels(writer: McapWriter, index: Index, head: dict[str, str]) -> dict[int, int]:
@@ -601,17 +599,12 @@ def _facts(index: Index) -> dict[str, ros2.TopicFacts]:
 def _copy(writer: McapWriter, index: Index, numbers: dict[int, int]) -> None:
     """All messages of known channels, in the order in which they stood in the file."""
     content = Content(index)
-    columns: list[tuple[Any, ...]] = []
-    for number, messages in index.channels.items():
-        if number in numbers:
-            count = len(messages)
-            rows = np.arange(count)
-            columns.append((messages.chunks, messages.offsets, np.full(count, number), rows))
-    if not columns:
-        return
-    chunks, offsets, channels, rows = (np.concatenate(each) for each in zip(*columns, strict=True))
-    for place in np.lexsort((offsets, chunks)).tolist():
-        number, row = int(channels[place]), int(rows[place])
+    places = (
+        zip(messages.chunks, messages.offsets, repeat(number), count(), strict=False)
+        for number, messages in index.channels.items()
+        if number in numbers
+    )
+    for _, _, number, row in merge(*places):
         messages = index.channels[number]
         data = content(messages, row)
         writer.add_message(numbers[number], messages.times[row], data, messages.samples[row])

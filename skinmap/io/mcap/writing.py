@@ -23,8 +23,9 @@ from numpy.typing import NDArray
 
 from skinmap import __version__
 from skinmap.errors import OutputError, SkinMismatchError
-from skinmap.io.mcap.mcap_scan import WHOLE
+from skinmap.io.mcap.mcap_scan import MAGIC, WHOLE
 from skinmap.io.recordings.recorded_stream import (
+    NS,
     OVERVIEW,
     Kind,
     MarkedTouch,
@@ -44,8 +45,6 @@ from skinmap.skin.taxels import TaxelTable
 
 CHUNK_BYTES = 64 * 1024
 CHUNK_SECONDS = 0.1  # half of what may be lost; the other half is for a busy machine
-NS = 1_000_000_000
-MAGIC = b"\x89MCAP0\r\n"
 KEPT = 4  # of the newest writes whose places are known: a file ends where one of them began
 
 
@@ -360,11 +359,9 @@ class McapRecording:
             if kind in self._widths:
                 self._open(topic, ros2.array_type(number), self._head)
         self._open(TOUCHES, "std_msgs/String", {})
-        self._open(JOINT_STATES, TYPES[JOINT_STATES], {})
-        if shows_robot:
-            for topic, type_name in TYPES.items():
-                if topic != JOINT_STATES:
-                    self._open(topic, type_name, {})
+        for topic, type_name in TYPES.items():
+            if shows_robot or topic == JOINT_STATES:
+                self._open(topic, type_name, {})
 
     def _open(self, topic: str, kind: str, words: Mapping[str, str]) -> None:
         if kind not in self._schemas:

@@ -17,10 +17,10 @@ from numpy.typing import NDArray
 
 from skinmap.archive import open_arrays
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, warn
+from skinmap.errors import DataFormatError, warn
 from skinmap.io.recordings.touch_files import Mapping, needed_mapping
 from skinmap.io.robots.manifest import load_robot
-from skinmap.io.text import DECIMAL_COMMA, MAX_CHANNEL, check_file
+from skinmap.io.text import DECIMAL_COMMA, MAX_CHANNEL, check_file, in_file
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
 from skinmap.summary import first_few
@@ -88,10 +88,8 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
     robot = load_robot(mapping.robot)
     skin = robot.skin(mapping.part)
     _check(table, path)
-    try:
+    with in_file(path):
         labels = tuple(check_label(label) for label in table.labels)
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path) from None
     with np.errstate(over="ignore", invalid="ignore"):  # what is too large is a pressure of 255
         values = np.where(mapping.falling, -1.0, 1.0) * table.values
         if mapping.rest_percentile is not None:
@@ -103,11 +101,6 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
     pressures = np.zeros((len(counts), len(skin)), np.uint8)
     rows, columns = _places(_numbers_of(robot, skin, table), table.channels, path)
     pressures[:, rows] = counts[:, columns]
-    several = (mapping.session, mapping.person)
-    sessions, people = (
-        words or (said,) * len(labels)
-        for words, said in zip((table.sessions, table.people), several, strict=True)
-    )
     return Recording(
         mapping.part,
         _follow_on(table.times, table.stretches),
@@ -115,8 +108,8 @@ def recording_of(table: ChannelTable, mapping: Mapping, path: Path) -> Recording
         table.events,
         labels,
         robot=mapping.robot,
-        sessions=sessions,
-        people=people,
+        sessions=table.sessions or (mapping.session,) * len(labels),
+        people=table.people or (mapping.person,) * len(labels),
     )
 
 
@@ -161,12 +154,10 @@ def _check(table: ChannelTable, path: Path) -> None:
         )
     step = float(np.median(np.diff(table.times))) if len(table.times) > 1 else 0.0
     if step >= SLOW:
-        message = f"{path.name}: a sample every {step:.4g} s; see time_unit of its mapping"
-        warn(message, above=1)
+        warn(f"{path.name}: a sample every {step:.4g} s; see time_unit of its mapping", above=1)
     twice = [number for number, count in Counter(table.channels.tolist()).items() if count > 1]
     if twice:
-        named = ", ".join(map(str, twice[:FEW]))
-        raise DataFormatError(f"channels given twice: {named}", path)
+        raise DataFormatError(f"channels given twice: {', '.join(map(str, twice[:FEW]))}", path)
 
 
 def _above_rest(values: FloatArray, stretches: IntArray | None, calm: float) -> FloatArray:
@@ -175,8 +166,7 @@ def _above_rest(values: FloatArray, stretches: IntArray | None, calm: float) -> 
     numbers = np.zeros(len(values)) if stretches is None else stretches
     for number in np.unique(numbers):
         rows = numbers == number
-        rest = np.percentile(values[rows], calm, axis=0)
-        found[rows] = values[rows] - rest
+        found[rows] = values[rows] - np.percentile(values[rows], calm, axis=0)
     return found
 
 
@@ -255,19 +245,19 @@ def read_table(path: Path) -> list[Recording]:
     held, known = array("d"), dict[str, str]()  # a word takes ten times the memory of its number
     for number, row in enumerate(rows):
         try:
-            held.extend([float(row[k]) for k in columns])
+            for column in columns:
+                held.append(float(row[column]))
         except ValueError:
-            wrong = _first_wrong(row, columns)
             line = _line_of(number, mapping, path)
             raise DataFormatError(
-                f"sample {number} holds {row[wrong]!r}, no number, in column {names[wrong]!r} "
+                f"sample {number} holds {row[column]!r}, no number, in column {names[column]!r} "
                 f"(line {line})",
                 path,
             ) from None
-        for name, column in zip(words, said, strict=True):
-            if name is not None and column is not None:
+        for name, told in zip(words, said, strict=True):
+            if name is not None and told is not None:
                 word = row[place[name]]
-                column.append(known.setdefault(word, word))
+                told.append(known.setdefault(word, word))
     table = np.frombuffer(held).reshape(-1, len(columns))
     values, others = table[:, : len(channels)], table[:, len(channels) :]
     count = len(table)
@@ -349,18 +339,7 @@ def channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict[
             "them in the mapping (time, label_column, channels ...)",
             path,
         )
-    numbers = {name: int(match[1][:DIGITS]) for name, match in found.items() if match is not None}
-    return numbers
-
-
-def _first_wrong(row: list[str], columns: list[int]) -> int:
-    """The first of some columns that holds no number."""
-    for column in columns:
-        try:
-            float(row[column])
-        except ValueError:
-            return column
-    return -1
+    return {name: int(match[1][:DIGITS]) for name, match in found.items() if match is not None}
 
 
 def _line_of(number: int, mapping: Mapping, path: Path) -> int:

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from skinmap.archive import read_arrays
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError
+from skinmap.errors import DataFormatError, MissingFileError
 from skinmap.io.taxels.cyskin import columns_of, read_cyskin_taxels
-from skinmap.io.text import check_file
+from skinmap.io.text import check_file, in_file
 from skinmap.skin.skin import Skin, skin_from_points
 
 SATURATION = 20_002.0  # raw value at which a taxel of these skins says no more
@@ -77,10 +77,8 @@ def read_pressed(arrays: Path, patch: Path) -> PressedSkin:
     columns, unplaced, _ = columns_of(ids.astype(np.int64), table)
     if not (columns >= 0).any():
         raise DataFormatError(f"none of its taxel_ids is in {patch.name}: another skin", arrays)
-    try:
+    with in_file(patch):
         skin = skin_from_points(table.positions, table.normals, part=patch.stem)
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), patch) from None
     raw = np.where(columns >= 0, values[:, columns], 0.0)
     count = len(raw)
     times = _each(held, "times" if "times" in held else "time", count, arrays, np.arange(count))

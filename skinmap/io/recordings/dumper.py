@@ -173,8 +173,7 @@ def _check(row: NDArray[np.float64], path: Path, line: int) -> None:
 def _packed(rows: list[NDArray[np.float64]]) -> NDArray[Any]:
     """Rows in a byte a value where they are whole, else in four."""
     values = np.array(rows)
-    whole = (values == np.floor(values)).all()
-    return values.astype(np.uint8 if whole else np.float32)
+    return values.astype(np.uint8 if (values == np.floor(values)).all() else np.float32)
 
 
 def side_by_side(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -97,7 +96,17 @@ def _of_folders(path: Path) -> LabelledImages:
         raise DataFormatError(
             f"no pictures: a folder for each label (hand, other) or {ARRAYS} is expected", path
         )
-    return _checked(files)
+    images = [_picture(one) for one, _ in files]
+    for image, (one, _) in zip(images, files, strict=True):
+        if image.shape != images[0].shape:
+            here, first = (" x ".join(map(str, some.shape)) for some in (image, images[0]))
+            raise DataFormatError(
+                f"{here} pixels, {files[0][0].name} has {first}: images are of one size", one
+            )
+    labels = np.array([label for _, label in files])
+    return LabelledImages(
+        np.stack(images), labels, np.arange(len(labels)), np.full(len(labels), "")
+    )
 
 
 def _of_arrays(path: Path) -> LabelledImages:
@@ -127,20 +136,6 @@ def _of_arrays(path: Path) -> LabelledImages:
     if not len(images):
         raise DataFormatError("no images", path)
     return LabelledImages(images, labels, touches.astype(np.int64), parts.astype(str))
-
-
-def _checked(files: Sequence[tuple[Path, str]]) -> LabelledImages:
-    images = [_picture(one) for one, _ in files]
-    for image, (one, _) in zip(images, files, strict=True):
-        if image.shape != images[0].shape:
-            here, first = (" x ".join(map(str, some.shape)) for some in (image, images[0]))
-            raise DataFormatError(
-                f"{here} pixels, {files[0][0].name} has {first}: images are of one size", one
-            )
-    labels = np.array([label for _, label in files])
-    return LabelledImages(
-        np.stack(images), labels, np.arange(len(labels)), np.full(len(labels), "")
-    )
 
 
 def _picture(path: Path) -> NDArray[np.uint8]:

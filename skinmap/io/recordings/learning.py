@@ -101,8 +101,8 @@ def write_hdf5(track: RecordedStream, path: Path) -> None:
     try:
         with path.open("w+b", buffering=0) as raw, h5py.File(disk := _Disk(raw), "w") as file:
             for key, value in about(track).items():
-                plain = value if isinstance(value, str | int | float) else json.dumps(value)
-                file.attrs[key] = plain
+                bare = isinstance(value, str | int | float)
+                file.attrs[key] = value if bare else json.dumps(value)
             for name, array in arrays_of(track, path):
                 kind = h5py.string_dtype() if array.dtype.kind == "U" else array.dtype
                 packing = "gzip" if array.ndim and array.size > BLOCK else None

@@ -17,7 +17,7 @@ from skinmap.errors import DataFormatError, InvalidArrayError, MessageError
 from skinmap.io.mcap.reading import Content, Index, Messages, read_track
 from skinmap.io.mcap.writing import METADATA
 from skinmap.io.ros2.messages import nanoseconds_of, read
-from skinmap.io.text import check_file
+from skinmap.io.text import check_file, in_file
 from skinmap.touch.load_calibration import rate_of_times
 
 PRESSURES = {"pressure_bar": 1.0, "pressure_kpa": 1e-2, "pressure_pa": 1e-5}
@@ -182,11 +182,7 @@ def read_evidence(path: Path, *, needed: bool = True) -> LoadEvidence:
 
 
 def _with_reference(
-    held: dict[str, NDArray[Any]],
-    kind: str,
-    samples: NDArray[Any],
-    times: FloatArray,
-    path: Path,
+    held: dict[str, NDArray[Any]], kind: str, samples: NDArray[Any], times: FloatArray, path: Path
 ) -> LoadEvidence:
     if kind == PRINTS:
         return _prints(held, samples, times, path)
@@ -286,8 +282,7 @@ def _messages(path: Path) -> dict[str, NDArray[Any]]:
         if name in topics:
             raise DataFormatError(f"two topics of {name}: {topics[name]}, {channel.topic}", path)
         topics[name] = channel.topic
-        own = index.of(channel.topic)
-        stamps, values = _columns(content, own, kind, path)
+        stamps, values = _columns(content, index.of(channel.topic), kind, path)
         found[name], found["times" if name == "samples" else "reference_times"] = values, stamps
     if "pressure_pa" in found and found["pressure_pa"].min(initial=np.inf) > ABSOLUTE:
         found["pressure_pa"] -= found["pressure_pa"].min()
@@ -429,7 +424,5 @@ def _numbers(
     values = np.atleast_1d(held[name])
     if values.dtype.kind not in "buif" or values.shape[1:] != inner:
         raise DataFormatError(f"{name} must be {wanted}, got shape {held[name].shape}", path)
-    try:
+    with in_file(path):
         return check_finite(values, name, (None, *inner))
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path) from None

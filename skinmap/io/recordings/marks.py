@@ -5,16 +5,17 @@ from __future__ import annotations
 import csv
 import io
 from bisect import bisect_left
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import DataFormatError, InvalidArrayError
 from skinmap.io.recordings.recorded_stream import MarkedTouch, RecordedStream, part_events
-from skinmap.io.text import CsvRows, parse_floats, read_text
+from skinmap.io.text import csv_rows, in_file, parse_floats, read_text
 from skinmap.touch.recording import JOIN, UNNAMED, Recording, check_label
 
 COLUMNS = ("part", "event", "began_s", "ended_s", "label", "session", "person")
@@ -23,6 +24,8 @@ KEYS = (
     "enter next, b back, g N go to touch N, n NAME name, s split (s SECONDS after its beginning), "
     "j join with the next of its part, d delete, u undo"
 )
+# Of a touch that was split or joined.
+UNKNOWN: dict[str, Any] = {"owners": None, "motion": None, "channels": (), "answers": None}
 HAIR = 5e-4  # [s], or a quarter of a sample: people write times to the millisecond
 
 
@@ -62,7 +65,7 @@ class Marks:
                 f"a touch of samples {one.first} to {one.last} cannot be split at {row}"
             )
         number = 1 + max(other.event for other in self.touches if other.part == one.part)
-        whole = replace(one, owners=None, motion=None, channels=(), answers=None)
+        whole = replace(one, **UNKNOWN)
         later = replace(whole, event=number, first=row)
         return self._with(place, replace(whole, last=row - 1), later)
 
@@ -80,9 +83,7 @@ class Marks:
             raise InvalidArrayError(f"no later touch of {one.part!r} to join with")
         last = max(one.last, self.touches[later[0]].last)
         rest = tuple(t for k, t in enumerate(self.touches) if k not in (place, later[0]))
-        return Marks(
-            (*rest, replace(one, last=last, owners=None, motion=None, channels=(), answers=None))
-        )
+        return Marks((*rest, replace(one, last=last, **UNKNOWN)))
 
     def _with(self, place: int, *others: MarkedTouch) -> Marks:
         return Marks((*self.touches[:place], *others, *self.touches[place + 1 :]))
@@ -137,9 +138,7 @@ class MarkEditor:
             A name, a split or a join that cannot be.
         """
         if key in ("", "b", "g"):
-            self.place = {"": self.place + 1, "b": self.place - 1}.get(key, -1)
-            if key == "g":
-                self.place = int(rest) - 1
+            self.place = int(rest) - 1 if key == "g" else self.place + (-1 if key else 1)
         elif key == "u":
             self._history = self._history[:-1] or self._history
         else:
@@ -201,34 +200,27 @@ def read_marks(path: Path, before: Marks, times: FloatArray, parts: Sequence[str
         No such file, missing columns, and of a line: no number, an unknown part, an end before
         its beginning, no sample, a label that nobody can use, or a touch that overlaps another.
     """
-    rows = CsvRows(read_text(path), path)
-    return Marks(tuple(_checked(rows, path, before, times, parts)))
-
-
-def _checked(
-    rows: Iterator[list[str]],
-    path: Path,
-    before: Marks,
-    times: FloatArray,
-    parts: Sequence[str],
-) -> Iterator[MarkedTouch]:
-    """The touch of each row, each with a number of its own."""
-    names = next(rows, [])
+    rows = csv_rows(read_text(path), path)
+    _, names = next(rows, (1, []))
     if not {"part", "began_s", "ended_s", "label"} <= set(names):
         raise DataFormatError(f"not a table of touches: columns {', '.join(COLUMNS)}", path, 1)
     known = {(one.part, one.event): one for one in before.touches}
     free = 1 + max((one.event for one in before.touches), default=-1)
     steps = np.diff(times)
     hair = min(HAIR, 0.25 * float(np.median(steps[steps > 0]))) if (steps > 0).any() else HAIR
-    taken: set[tuple[str, int]] = set()
+    found: dict[tuple[str, int], MarkedTouch] = {}  # each with a number of its own
     spans: dict[str, list[tuple[int, int]]] = {}  # of each part, in the order of time
-    for line, row in enumerate(rows, 2):
+    for line, row in rows:
         if not any(cell.strip() for cell in row):
             continue
         if len(row) != len(names):
             raise DataFormatError(f"{len(row)} cells for {len(names)} columns", path, line)
         cells = dict(zip(names, (cell.strip() for cell in row), strict=True))
-        one = _marked(cells, times, hair, parts, path, line)
+        if cells["part"] not in parts:
+            raise DataFormatError(
+                f"no part {cells['part']!r}; the parts are: {', '.join(parts)}", path, line
+            )
+        one = _marked(cells, times, hair, path, line)
         number = cells.get("event", "")
         if len(number) > MAX_DIGITS:
             raise DataFormatError(f"no touch has the number {number[:20]}...", path, line)
@@ -253,35 +245,24 @@ def _checked(
                     f"overlaps the touch of {one.part!r} from {times[first]:.3f} s on", path, line
                 )
         own.insert(place, (one.first, one.last))
-        if (one.part, event) in taken:
+        if (one.part, event) in found:
             event, free = free, free + 1
-        taken.add((one.part, event))
-        yield replace(one, event=event)
+        found[one.part, event] = replace(one, event=event)
+    return Marks(tuple(found.values()))
 
 
 def _marked(
-    cells: dict[str, str],
-    times: FloatArray,
-    hair: float,
-    parts: Sequence[str],
-    path: Path,
-    line: int,
+    cells: dict[str, str], times: FloatArray, hair: float, path: Path, line: int
 ) -> MarkedTouch:
     began, ended = parse_floats([cells["began_s"], cells["ended_s"]], path, line)
     first = int(np.searchsorted(times, began - hair))
     last = int(np.searchsorted(times, ended + hair, side="right")) - 1
-    if cells["part"] not in parts:
-        raise DataFormatError(
-            f"no part {cells['part']!r}; the parts are: {', '.join(parts)}", path, line
-        )
     if not first <= last:
         raise DataFormatError(f"no sample from {began:g} to {ended:g} s", path, line)
-    try:
-        label = cells["label"]
-        if label != UNNAMED:
+    label = cells["label"]
+    if label != UNNAMED:
+        with in_file(path, line):
             label = JOIN.join(check_label(word) for word in label.split(JOIN))
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path, line) from None
     session, person = cells.get("session", ""), cells.get("person", "")
     return MarkedTouch(cells["part"], 0, label, first, last, session=session, person=person)
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, check_known, warn
+from skinmap.skin.skin import Skin
 from skinmap.skin.taxels import TaxelTable
 from skinmap.touch.recording import Recording, TrueMotion
 
@@ -82,8 +83,7 @@ class Overview:
         table = {key: [*own, 0] for key, own in zip(keys, felt, strict=True) if own[1]}
         for part, time in began:
             table.setdefault((math.floor(time), part), [0.0, 0, 0])[2] += 1
-        order = sorted(table)
-        rows = np.array([(*key, *table[key]) for key in order], np.float64).reshape(-1, 5)
+        rows = np.array([(*key, *table[key]) for key in sorted(table)], np.float64).reshape(-1, 5)
         seconds, parts, taxels, marks = rows[:, [0, 1, 3, 4]].astype(np.int64).T
         return replace(
             self, seconds=seconds, parts=parts, largest=rows[:, 2], taxels=taxels, marks=marks
@@ -116,7 +116,6 @@ class OverviewMaker:
     _rows: list[tuple[int, int, float, int]] = field(default_factory=list)
     _marks: set[tuple[int, int, float]] = field(default_factory=set)
     _second: int | None = None
-    _count: int = 0
     _low: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     _high: NDArray[np.float32] = field(default_factory=lambda: np.zeros(0, np.float32))
     _rest: NDArray[np.float32] | None = None
@@ -135,7 +134,6 @@ class OverviewMaker:
         else:
             np.fmin(self._low, values, out=self._low, casting="unsafe")
             np.fmax(self._high, values, out=self._high, casting="unsafe")
-        self._count += 1
 
     def mark(self, part: int, event: int, time: float) -> None:
         """Take the beginning of a marked touch [s], once however often it comes."""
@@ -152,7 +150,7 @@ class OverviewMaker:
 
     def _end(self) -> None:
         """Sum up the second that is over."""
-        if self._second is None or self._count == 0:
+        if self._second is None:
             return
         low, high = self._low, self._high
         middle = (low + high) / 2
@@ -173,7 +171,6 @@ class OverviewMaker:
         largest = np.maximum.reduceat(change, starts)
         for part in np.flatnonzero(counts).tolist():
             self._rows.append((self._second, part, float(largest[part]), int(counts[part])))
-        self._count = 0
 
 
 Kind = Literal["raw", "pressure"]
@@ -580,6 +577,18 @@ def taxel_columns(
     if int(np.max(channels, initial=-1)) >= width:
         raise DataFormatError(f"{width} channels of {part!r}, its taxels need more", path)
     return np.asarray(channels, np.int64)
+
+
+def sample_columns(skins: Iterable[Skin], widths: Sequence[int]) -> IntArray:
+    """Columns (n,) of a sample in which the taxels of some parts stand, part after part.
+
+    Where a part has as many columns as taxels they are in dense order, else the live vector.
+    """
+    starts = np.cumsum([0, *widths[:-1]]).tolist()
+    return np.concatenate([
+        start + (np.arange(width) if width == len(skin) else skin.channels)
+        for skin, width, start in zip(skins, widths, starts, strict=True)
+    ])  # fmt: skip
 
 
 def part_events(touches: Sequence[MarkedTouch], count: int, taxels: int, path: Path) -> PartEvents:

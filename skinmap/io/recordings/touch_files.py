@@ -22,7 +22,6 @@ from skinmap.errors import (
     DataFormatError,
     InvalidArrayError,
     MissingFileError,
-    OutputError,
     SkinMismatchError,
     UnknownNameError,
     check_kind,
@@ -30,6 +29,7 @@ from skinmap.errors import (
 from skinmap.io.mcap.mcap_scan import scan_summary
 from skinmap.io.mcap.reading import Index, read_head, read_track
 from skinmap.io.mcap.writing import McapRecording, said_of
+from skinmap.io.output import refused
 from skinmap.io.recordings.dumper import PartLog, read_dump, read_logs
 from skinmap.io.recordings.learning import track_of_arrays
 from skinmap.io.recordings.recorded_stream import (
@@ -194,11 +194,9 @@ def read_mapping(path: Path) -> Mapping:
         raise DataFormatError(f"not a mapping of a recording: {error}", path) from None
     if isinstance(table.get("robot"), dict):
         raise DataFormatError("is a manifest, not a mapping of a recording", path)
-    fail = partial(DataFormatError, path=path)
-    found = checked(table, Mapping, what="the mapping", fail=fail)
+    found = checked(table, Mapping, what="the mapping", fail=partial(DataFormatError, path=path))
     if found.robot.endswith(".toml"):
-        place = str(path.absolute().parent / found.robot)
-        return msgspec.structs.replace(found, robot=place)
+        return msgspec.structs.replace(found, robot=str(path.absolute().parent / found.robot))
     return found
 
 
@@ -333,11 +331,9 @@ def save_recordings(
     if robot is not None:
         recordings = [replace(one, robot=one.robot or robot.origin) for one in recordings]
     if name.suffix.lower() == ".npz":
-        try:
+        with refused(repr(str(path))):
             archive.save_recordings(list(recordings), path)
-            return
-        except OSError as error:
-            raise OutputError(f"cannot write {str(path)!r}: {error.strerror}") from error
+        return
     track = track_of(recordings, path)
     McapRecording(
         path,
@@ -365,22 +361,15 @@ def at_one_clock(recordings: Sequence[Recording]) -> list[Recording]:
 
     Parts that were sampled at other times are left as they are.
     """
-    longest = max(recordings, key=lambda one: len(one.times), default=None)
+    longest = max((one.times for one in recordings), key=len, default=np.zeros(0))
     found = []
     for one in recordings:
-        times = one.times if longest is None else longest.times
-        if len(one.times):
-            times = times[times <= one.times[-1] + SAME_TIME]
-            rows = np.searchsorted(one.times, times + SAME_TIME, side="right").clip(1) - 1
-            lost = np.abs(times - one.times[rows]) > SAME_TIME
-            if (
-                len(times)
-                and 0.0 < lost.mean() < LOST
-                and one.forces is None
-                and one.places is None
-            ):
-                one = replace(one, times=times, pressures=one.pressures[rows],
-                              events=one.events[rows])  # fmt: skip
+        times = longest[longest <= one.times.max(initial=-np.inf) + SAME_TIME]
+        rows = np.searchsorted(one.times, times + SAME_TIME, side="right").clip(1) - 1
+        lost = np.abs(times - one.times[rows]) > SAME_TIME
+        if len(times) and 0.0 < lost.mean() < LOST and one.forces is None and one.places is None:
+            one = replace(one, times=times, pressures=one.pressures[rows],
+                          events=one.events[rows])  # fmt: skip
         found.append(one)
     return found
 

@@ -272,11 +272,10 @@ def _named_parts(
     told = _Told("raw", "" if robot is None else robot.name)
     names = [str(one["info"]["name"][0]) for one in streams]
     for name, stream in zip(names, streams, strict=True):
-        part: str | None = name
-        if robot is not None:
-            part = max((each for each in robot.parts if each in name), key=len, default=None)
-        if part is None:
+        fitting = [name] if robot is None else [each for each in robot.parts if each in name]
+        if not fitting:
             continue
+        part = max(fitting, key=len)
         if part in named:
             raise DataFormatError(f"two streams of {part!r}", path)
         named[part] = (*_samples(stream, path), "")
@@ -323,8 +322,7 @@ def _samples(stream: Any, path: Path) -> tuple[FloatArray, NDArray[Any]]:
     except (LookupError, TypeError):
         drops = ""
     if _nominal_rate(stream) > 0 and str(drops).lower() != "true":
-        bounds = [0, *_breaks(times).tolist(), len(times)]
-        for first, after in pairwise(bounds):
+        for first, after in pairwise([0, *_breaks(times).tolist(), len(times)]):
             rows = np.arange(first, after)[:, None]  # as pyxdf itself does
             line = np.linalg.lstsq(np.hstack([np.ones_like(rows), rows]), times[rows], rcond=-1)[0]
             times[rows] = line[0] + line[1] * rows

@@ -25,7 +25,7 @@ from skinmap.errors import (
     check_kind,
     check_known,
 )
-from skinmap.geometry.rigid import transform_directions, transform_points
+from skinmap.geometry.rigid import rigid_transform, transform_directions, transform_points
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.io.robots.mesh_file import file_metres, read_mesh
 from skinmap.io.robots.urdf import MeshBody, UrdfBody
@@ -307,24 +307,19 @@ def _reader(
     poses = [_transform(piece.pose, path) for piece in pieces]
 
     def read(metres: float = scale) -> TaxelTable:
-        tables = [
-            placed(read_taxels(file, format), metres, T_link_piece)
-            for file, T_link_piece in zip(files, poses, strict=True)
-        ]
-        named = [
-            table if ids is None else with_ids(table, ids)
-            for table, ids in zip(tables, numbers, strict=True)
-        ]
-        return named[0] if len(named) == 1 else joined(named)
+        tables = []
+        for file, T_link_piece, ids in zip(files, poses, numbers, strict=True):
+            table = placed(read_taxels(file, format), metres, T_link_piece)
+            tables.append(table if ids is None else with_ids(table, ids))
+        return tables[0] if len(tables) == 1 else joined(tables)
 
     return read
 
 
 def _transform(pose: _Pose | None, path: Path) -> FloatArray:
     """T_link_piece (4, 4) of a pose as the manifest writes it."""
-    matrix = np.eye(4)
     if pose is None:
-        return matrix
+        return np.eye(4)
     if not max(map(abs, pose.xyz_mm)) <= MAX_POSE_MM or not max(map(abs, pose.rpy_deg)) <= (
         MAX_DEGREES
     ):
@@ -333,9 +328,8 @@ def _transform(pose: _Pose | None, path: Path) -> FloatArray:
             f"beyond {MAX_POSE_MM:g} mm or {MAX_DEGREES} deg",
             path,
         )
-    matrix[:3, :3] = Rotation.from_euler("xyz", pose.rpy_deg, degrees=True).as_matrix()
-    matrix[:3, 3] = np.asarray(pose.xyz_mm) * 1e-3
-    return matrix
+    turn = Rotation.from_euler("xyz", pose.rpy_deg, degrees=True).as_matrix()
+    return rigid_transform(turn, np.asarray(pose.xyz_mm) * 1e-3)
 
 
 def _pose(angles_deg: Mapping[str, object], body: Body, path: Path) -> dict[str, float]:

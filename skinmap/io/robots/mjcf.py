@@ -91,8 +91,7 @@ def write_mjcf(robot: Robot, path: Path, *, parts: Sequence[str] | None = None) 
 
 
 def _defaults(root: ET.Element) -> None:
-    default = ET.SubElement(root, "default")
-    robot = ET.SubElement(default, "default", attrib={"class": "robot"})
+    robot = ET.SubElement(ET.SubElement(root, "default"), "default", attrib={"class": "robot"})
     # Bodies of others, whose contype is 1 unless they say so, meet the robot; it not itself.
     ET.SubElement(robot, "geom", contype="0", conaffinity="1", mass="0", group="3")
     skin = ET.SubElement(robot, "default", attrib={"class": "plate"})
@@ -280,8 +279,7 @@ def plates(skin: Skin) -> list[IntArray]:
     found = []
     for module in np.unique(skin.modules):
         rows = np.flatnonzero(skin.modules == module)
-        some = _clusters(skin.positions[rows], -(-len(rows) // PLATE))
-        found += [rows[one] for one in some]
+        found += [rows[one] for one in _clusters(skin.positions[rows], -(-len(rows) // PLATE))]
     return found
 
 

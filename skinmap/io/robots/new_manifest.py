@@ -136,9 +136,9 @@ def candidates(
                     part=part,
                     units=unit,
                     link=link,
-                    skin_mm=_millimetres(np.ptp(positions, axis=0) * UNITS[unit]),
+                    skin_mm=(1e3 * (np.ptp(positions, axis=0) * UNITS[unit])).tolist(),
                     pitch_mm=1e3 * apart,
-                    link_mm=None if mesh is None else _millimetres(np.ptp(mesh.vertices, axis=0)),
+                    link_mm=None if mesh is None else (1e3 * np.ptp(mesh.vertices, 0)).tolist(),
                     distance_mm=None if off is None else 1e3 * float(np.median(off)),
                     most_mm=None if off is None else 1e3 * float(np.percentile(off, MOST)),
                     unread=unread,
@@ -183,10 +183,6 @@ def mesh_units(
     names.sort(key=lambda unit: sum(one.units != unit for one in fits[unit]))
     chosen = {tuple(one.units for one in fits[unit]): unit for unit in reversed(names)}
     return {unit: fits[unit] for unit in reversed(chosen.values())}
-
-
-def _millimetres(lengths: FloatArray) -> list[float]:
-    return [1e3 * float(length) for length in lengths]
 
 
 def unclear(found: Sequence[Candidate]) -> list[str]:

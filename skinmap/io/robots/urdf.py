@@ -24,7 +24,7 @@ from skinmap.errors import (
     check_known,
     warn,
 )
-from skinmap.geometry.rigid import check_transform, rpy_matrix, transform_points
+from skinmap.geometry.rigid import check_transform, rigid_transform, rpy_matrix, transform_points
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.interrupts import import_whole
 from skinmap.io.robots.mesh_file import file_metres, read_mesh
@@ -516,10 +516,8 @@ def _limits(element: Any) -> tuple[float, float]:
 
 def _origin(element: Any) -> FloatArray:
     """(4, 4) of an element's <origin>: turned about the fixed x, y, then z."""
-    place = np.eye(4)
-    place[:3, 3] = _numbers(_said(element, "origin", "xyz", "0 0 0"))
-    place[:3, :3] = rpy_matrix(_numbers(_said(element, "origin", "rpy", "0 0 0")).tolist())
-    return place
+    xyz, rpy = (_numbers(_said(element, "origin", name, "0 0 0")) for name in ("xyz", "rpy"))
+    return rigid_transform(rpy_matrix(rpy.tolist()), xyz)
 
 
 def _said(element: Any, child: str, name: str, default: Any = None) -> Any:

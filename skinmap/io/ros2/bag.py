@@ -202,8 +202,7 @@ def _read_topics(bag: Path, mapping: _Mapping) -> dict[str, PartLog]:
                 for one in mapping.part:
                     if one.topic == connection.topic:
                         values = _values(message, one, bag)
-                        row = (said, stamp, len(values), _chosen(values, one))
-                        found[one.name].append(row)
+                        found[one.name].append((said, stamp, len(values), _chosen(values, one)))
     except (UnknownNameError, DataFormatError):
         raise
     except Exception as error:  # rosbags, SQLite and decompressors raise their own kinds

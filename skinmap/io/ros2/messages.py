@@ -231,6 +231,7 @@ MAX_TEXT = 1 << 24  # bytes of a text; a robot's description is the longest
 BODY, STAMP = 4, struct.Struct("<iI")  # where a message begins that has a header, and its time
 MAX_FIELDS = 64  # of a cloud; lidars with a dozen are the richest
 SPHERE, WORDS = 2, 9  # kinds of markers
+SPACES = {SPHERE: "touch", WORDS: "name"}
 ADD, DELETE = 0, 2
 TOUCH_SIZE, WORD_SIZE = 0.015, 0.03  # [m]: a fingertip; readable beside a forearm
 WORD_HEIGHT = 0.03  # of a name above its touch [m]
@@ -345,26 +346,8 @@ class Cloud:
         return bytes(self._message)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class ReadCloud:
-    """A cloud that came.
-
-    Attributes
-    ----------
-    stamp : int
-        [ns].
-    frame : str
-    points : (n,) structured array
-        A column for each field of one number.
-    """
-
-    stamp: int
-    frame: str
-    points: NDArray[Any]
-
-
-def read_cloud(data: bytes) -> ReadCloud:
-    """Read a `sensor_msgs/PointCloud2`.
+def read_cloud(data: bytes) -> tuple[int, NDArray[Any]]:
+    """Time [ns] and points (n,) of a `sensor_msgs/PointCloud2`.
 
     Raises
     ------
@@ -374,7 +357,7 @@ def read_cloud(data: bytes) -> ReadCloud:
     cloud = read("sensor_msgs/PointCloud2", data)
     if len(cloud.fields) > MAX_FIELDS:
         raise MessageError(f"a cloud of {len(cloud.fields)} fields, at most {MAX_FIELDS} are read")
-    return ReadCloud(nanoseconds_of(cloud.header), cloud.header.frame_id, points_of(cloud))
+    return nanoseconds_of(cloud.header), points_of(cloud)
 
 
 def points_of(cloud: Any) -> NDArray[Any]:
@@ -462,39 +445,30 @@ def markers_message(stamp: int, touches: Sequence[TouchMarker], gone: Sequence[i
     marks = []
     for one in touches:
         above = one.centre + np.array([0.0, 0.0, WORD_HEIGHT])
-        marks.append(_marker(stamp, one.link, "touch", one.identity, SPHERE, ADD, one.centre))
-        marks.append(_marker(stamp, one.link, "name", one.identity, WORDS, ADD, above, one.name))
-    for identity in gone:
-        for space, kind in (("touch", SPHERE), ("name", WORDS)):
-            marks.append(_marker(stamp, "", space, identity, kind, DELETE, np.zeros(3)))
+        marks.append(_marker(stamp, one.link, one.identity, SPHERE, one.centre))
+        marks.append(_marker(stamp, one.link, one.identity, WORDS, above, one.name))
+    marks += [_marker(stamp, "", identity, kind) for identity in gone for kind in SPACES]
     return write("visualization_msgs/MarkerArray", marks)
 
 
 def _marker(
-    stamp: int,
-    frame: str,
-    space: str,
-    identity: int,
-    kind: int,
-    action: int,
-    place: FloatArray,
-    words: str = "",
+    stamp: int, frame: str, identity: int, kind: int, at: FloatArray | None = None, words: str = ""
 ) -> Any:
-    """One `visualization_msgs/Marker`, field by field."""
+    """One `visualization_msgs/Marker`, field by field; without a place the old one goes."""
     size = WORD_SIZE if kind == WORDS else TOUCH_SIZE
     nothing = np.zeros(0, np.uint8)
     pose = build(
         "geometry_msgs/Pose",
-        build("geometry_msgs/Point", *place.tolist()),
+        build("geometry_msgs/Point", *(np.zeros(3) if at is None else at).tolist()),
         build("geometry_msgs/Quaternion", 0.0, 0.0, 0.0, 1.0),
     )
     return build(
         "visualization_msgs/Marker",
         header(stamp, frame),
-        space,
+        SPACES[kind],
         identity,
         kind,
-        action,
+        DELETE if at is None else ADD,
         pose,
         build("geometry_msgs/Vector3", size, size, size),
         build("std_msgs/ColorRGBA", *(WHITE if kind == WORDS else RED)),

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.geometry.rigid import transform_points
+from skinmap.io.recordings.recorded_stream import sample_columns
 from skinmap.io.ros2.messages import (
     Cloud,
     TouchMarker,
@@ -66,7 +67,7 @@ class RobotTopics:
         self._fixed = [link for link, joint in self._tree.items() if joint.kind == "fixed"]
         self._moving = [link for link, joint in self._tree.items() if joint.kind != "fixed"]
         self._skins = [robot.skin(part) for part in parts]
-        self._columns = taxel_columns(robot, parts, widths)
+        self._columns = sample_columns(self._skins, widths)
         self._angles: dict[str, float] = dict(robot.pose)
         self._cloud = Cloud(self.root, self._positions(), field)
 
@@ -118,20 +119,6 @@ class RobotTopics:
         joint = self._tree[link]
         angle = self._angles.get(joint.driver, 0.0)
         return joint_transform(joint, joint.factor * angle + joint.offset)
-
-
-def taxel_columns(robot: Robot, parts: Sequence[str], widths: Sequence[int]) -> NDArray[np.int64]:
-    """Columns (n,) of a sample that the taxels of all parts stand in, part after part.
-
-    Where a part has as many columns as taxels they are in dense order, else the live vector.
-    """
-    columns, start = [], 0
-    for part, width in zip(parts, widths, strict=True):
-        skin = robot.skin(part)
-        dense = width == len(skin)
-        columns.append(start + (np.arange(width) if dense else np.asarray(skin.channels)))
-        start += width
-    return np.concatenate(columns)
 
 
 HAIR = 0.999  # of a period: times are multiples of a step only nearly

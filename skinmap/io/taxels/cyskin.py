@@ -33,7 +33,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, InvalidMeshError
 from skinmap.geometry.topology import check_surface
 from skinmap.geometry.triangles import cross_products, signed_areas, unit
-from skinmap.io.text import MAX_CHANNEL, check_file, read_text
+from skinmap.io.text import MAX_CHANNEL, check_file, in_file, read_text
 from skinmap.skin.skin import skin_from_table
 from skinmap.skin.taxels import NO_ID, TaxelTable
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
@@ -297,11 +297,8 @@ def read_cyskin(path: Path) -> CySkin:
     keyed = list(maps.items()) if isinstance(maps, Mapping) else [(None, one) for one in maps]
     if told.skin is None and not keyed:
         raise fail("neither a skin nor tactile maps in it")
-    try:
-        found = tuple(_map(one, key) for key, one in keyed)
-        return _skin(told.info.name, told.skin, found)
-    except InvalidArrayError as error:
-        raise fail(str(error)) from None
+    with in_file(path):
+        return _skin(told.info.name, told.skin, tuple(_map(one, key) for key, one in keyed))
 
 
 def read_cyskin_taxels(path: Path) -> TaxelTable:
@@ -315,10 +312,8 @@ def read_cyskin_taxels(path: Path) -> TaxelTable:
     found = read_cyskin(path)
     if len(found) == 0:
         raise DataFormatError("tactile maps only, no skin: its taxels have no place", path)
-    try:
+    with in_file(path):
         return found.table()
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path) from None
 
 
 def _refuse_constant(word: str) -> float:
@@ -539,8 +534,7 @@ def _id_faults(ids: IntArray) -> Iterator[str]:
     names, count = np.unique(ids, return_counts=True)
     for name, times in zip(names[count > 1].tolist(), count[count > 1].tolist(), strict=True):
         yield f"{times} taxels have the id {name}: they have a place and no channel"
-    alone = ids[~has_channel(ids) & np.isin(ids, names[count == 1])]
-    for name in alone.tolist():
+    for name in ids[~has_channel(ids) & np.isin(ids, names[count == 1])].tolist():
         why = "is negative" if name < 0 else "is the only one of its module"
         yield f"the id {name} {why}: its taxel has a place and no channel"
 
@@ -619,13 +613,12 @@ def _difference(one: TactileMap, found: CySkin) -> str:
 
 
 def _count_faults(what: str, stated: Sequence[int | None], of: CySkin | TactileMap) -> list[str]:
-    faults = []
-    for word, said, have in zip(
-        ("taxels", "faces"), stated, (len(of.ids), len(of.faces)), strict=True
-    ):
-        if said is not None and said != have:
-            faults.append(f"{what} is stated to have {said} {word} and has {have}")
-    return faults
+    counts = zip(("taxels", "faces"), stated, (len(of.ids), len(of.faces)), strict=True)
+    return [
+        f"{what} is stated to have {said} {word} and has {have}"
+        for word, said, have in counts
+        if said is not None and said != have
+    ]
 
 
 def _name_faults(found: CySkin, file: str) -> Iterator[str]:
@@ -641,5 +634,4 @@ def _name_faults(found: CySkin, file: str) -> Iterator[str]:
 
 def _numbered(name: str) -> dict[str, str]:
     """Words of a name that end in a number: {"link": "1"}."""
-    pairs = re.findall(r"([a-z]{3,})[_ -]?(\d+)", name.lower())
-    return dict(pairs)
+    return dict(re.findall(r"([a-z]{3,})[_ -]?(\d+)", name.lower()))

@@ -145,6 +145,5 @@ def _stated(table: TaxelTable, rows: int) -> IntArray:
     centres = modules * CHANNELS_PER_MODULE + CENTRE_SLOT
     stands_for = np.where(np.isin(centres, tactile), centres, tactile[first])
     stated[tactile] = stands_for[np.searchsorted(modules, tactile // CHANNELS_PER_MODULE)]
-    thermal = table.representative == THERMAL
-    stated[table.channels[thermal]] = THERMAL
+    stated[table.channels[table.representative == THERMAL]] = THERMAL
     return stated

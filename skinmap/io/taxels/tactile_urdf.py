@@ -18,10 +18,10 @@ from typing import Any
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, OutputError, unknown_name, warn
+from skinmap.errors import DataFormatError, OutputError, unknown_name, warn
 from skinmap.geometry.rigid import rpy_matrix
 from skinmap.io.safe_xml import attribute, children, local_name, read_xml
-from skinmap.io.text import MAX_CHANNEL, digits, parse_floats, parse_whole
+from skinmap.io.text import MAX_CHANNEL, digits, in_file, parse_floats, parse_whole
 from skinmap.skin.taxels import TaxelTable
 
 MAX_TAXELS = 100_000  # a short line of XML can ask for any number of them
@@ -97,10 +97,8 @@ def _sensor(element: Any, tactile: Any, path: Path, most: int) -> TaxelTable:
     if any(shift) or any(rpy):  # the identity is left out: it would cost the sign of zeros
         rotation = rpy_matrix(rpy)
         positions, normals = positions @ rotation.T + shift, normals @ rotation.T
-    try:
+    with in_file(path, tactile.sourceline):
         return TaxelTable(channels, modules, positions, normals, link=link)
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path, tactile.sourceline) from None
 
 
 def _taxels(elements: list[Any], path: Path) -> tuple[IntArray, IntArray, FloatArray, FloatArray]:

@@ -23,8 +23,16 @@ from pathlib import Path
 import numpy as np
 
 from skinmap.arrays import IntArray
-from skinmap.errors import DataFormatError, InvalidArrayError, UnknownNameError, warn
-from skinmap.io.text import MAX_CHANNEL, CsvRows, check_file, parse_floats, parse_whole, read_text
+from skinmap.errors import DataFormatError, UnknownNameError, warn
+from skinmap.io.text import (
+    MAX_CHANNEL,
+    check_file,
+    csv_rows,
+    in_file,
+    parse_floats,
+    parse_whole,
+    read_text,
+)
 from skinmap.registry import Registry
 from skinmap.skin.taxels import TaxelTable
 from skinmap.summary import first_few
@@ -54,9 +62,9 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
     DataFormatError
         As for `read_csv`.
     """
-    reader = CsvRows(text, path)
+    lines = csv_rows(text, path)
     values = array("d")  # a list of lists would take ten times the file's size
-    header = next(reader, None)
+    _, header = next(lines, (1, None))
     names = tuple(cell.strip().lower() for cell in header or ())
     twice = [one for one in COLUMNS if names.count(one) > 1]
     if twice or not {*POSITION} <= {*names}:
@@ -71,10 +79,9 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
     if others:
         rows = "" if COLUMNS[0] in names else "; without `channel`, rows are numbered from 0"
         warn(f"{path.name}: columns that are not read: {first_few(others)[:200]}{rows}")
-    for row in reader:
+    for line, row in lines:
         if row:  # without a channel: its row; without a module or a normal: zeros
             whole = [float(len(values) // len(COLUMNS)), *[0.0] * (len(COLUMNS) - 1)]
-            line = reader.line_num
             if len(row) != len(names):
                 raise DataFormatError(f"expected {len(names)} columns, got {len(row)}", path, line)
             numbers = parse_floats([row[at] for _, at in places], path, line)
@@ -85,12 +92,10 @@ def parse_csv(text: str, path: Path) -> TaxelTable:
     if not values:
         raise DataFormatError("the table has no taxel", path, 1)
     table = np.frombuffer(values).reshape(-1, len(COLUMNS))
-    try:
+    with in_file(path):
         return TaxelTable(
             table[:, 0].astype(np.int64), table[:, 1].astype(np.int64), table[:, 2:5], table[:, 5:]
         )
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path) from None
 
 
 def _check_numbers(whole: list[float], path: Path, line: int) -> None:
@@ -126,13 +131,10 @@ def write_csv(table: TaxelTable, path: Path) -> None:
 
 def csv_text(table: TaxelTable) -> str:
     """A table as `write_csv` writes it."""
-    lines = [",".join(COLUMNS)]
-    for channel, module, position, normal in zip(
-        table.channels, table.modules, table.positions, table.normals, strict=True
-    ):
-        numbers = ",".join(repr(float(value)) for value in (*position, *normal))
-        lines.append(f"{channel},{module},{numbers}")
-    return "\n".join(lines) + "\n"
+    places = np.column_stack([table.positions, table.normals]).tolist()
+    rows = zip(table.channels.tolist(), table.modules.tolist(), places, strict=True)
+    lines = [",".join(map(repr, (channel, module, *place))) for channel, module, place in rows]
+    return "\n".join([",".join(COLUMNS), *lines]) + "\n"
 
 
 Reader = Callable[[Path], TaxelTable]
@@ -214,7 +216,7 @@ def read_skinware(path: Path) -> TaxelTable:
                 f"{', '.join(str(value) for value in known[:20])}",
                 path,
             )
-    try:
+    with in_file(path):
         return TaxelTable(
             rows[:, UID],
             np.zeros(len(rows), np.int64),
@@ -222,8 +224,6 @@ def read_skinware(path: Path) -> TaxelTable:
             rows[:, 5:8] / NANOMETRES,
             link=str(rows[0, LINK]),
         )
-    except InvalidArrayError as error:
-        raise DataFormatError(str(error), path) from None
 
 
 def _skinware_rows(path: Path) -> IntArray:

@@ -347,10 +347,7 @@ class MotionBook:
         self._places: FloatArray = np.column_stack([skin.positions, skin.normals])
 
     def update(
-        self,
-        time: float,
-        groups: Mapping[int, Sequence[Track]],
-        pressures: FloatArray,
+        self, time: float, groups: Mapping[int, Sequence[Track]], pressures: FloatArray
     ) -> None:
         """Take the contacts of a sample with pressures (N,), by the number of what is followed."""
         for number, members in groups.items():

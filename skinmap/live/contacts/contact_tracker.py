@@ -61,16 +61,24 @@ class ContactTracker:
         self._walker = SurfaceWalker(skin.positions, skin.faces)
         self.tracks: list[Track] = []
         self.events: deque[ContactEvent] = deque(maxlen=EVENTS)
-        self._was: BoolArray = np.zeros(len(skin), np.bool_)
-        self._owner: IntArray = np.full(len(skin), -1, np.int64)
-        self._index: IntArray = np.zeros(0, np.int64)
-        self._row: IntArray = np.zeros(0, np.int64)
         self.swallowed: dict[int, int] = {}
-        self._calm = False
         self._next = 0
+        self.forget()
         self._measured = self._last = float("nan")
         self._settled = SETTLED
         self._apart = False  # whether a piece lies apart from its contact
+
+    def forget(self) -> None:
+        """End all contacts: the clock began anew."""
+        for track in self.tracks:
+            self._tell("end", track, track.seen)
+        self.tracks = []
+        self._owner: IntArray = np.full(len(self.skin), -1, np.int64)
+        self._was: BoolArray = np.zeros(len(self.skin), np.bool_)
+        self._cutter.forget()
+        self._index: IntArray = np.zeros(0, np.int64)
+        self._row = self._index
+        self._calm = False
 
     @property
     def present(self) -> list[Track]:
@@ -102,21 +110,9 @@ class ContactTracker:
             self._measured = time
             self._measure(time, pressures)
         else:
-            for track in self.tracks:
-                if len(track.taxels):
-                    track.seen, track.into = time, -1
+            for track in self.present:
+                track.seen, track.into = time, -1
         self._expire(time)
-
-    def forget(self) -> None:
-        """End all contacts: the clock began anew."""
-        for track in self.tracks:
-            self._tell("end", track, track.seen)
-        self.tracks = []
-        self._owner.fill(-1)
-        self._was.fill(False)
-        self._cutter.forget()
-        self._index = self._row = np.zeros(0, np.int64)
-        self._calm = False
 
     def _assign(self, time: float, index: IntArray, pressures: FloatArray) -> IntArray:
         """(k,) row in `tracks` of each active taxel; -1 for a piece that parted just now."""
@@ -306,28 +302,27 @@ class ContactTracker:
 
     def _expire(self, time: float) -> None:
         """End what has not been felt for too long, or what another contact took in."""
-        kept: list[int] = []
-        gone: list[int] = []
-        for number, track in enumerate(self.tracks):
-            over = len(track.taxels) == 0 and (track.into >= 0 or time - track.seen > BRIDGE)
-            (gone if over else kept).append(number)
+        gone = [
+            track
+            for track in self.tracks
+            if not len(track.taxels) and (track.into >= 0 or time - track.seen > BRIDGE)
+        ]
         if not gone:
             return
+        kept = [number for number, track in enumerate(self.tracks) if track not in gone]
         place = np.full(len(self.tracks) + 1, -1, np.int64)  # the last for -1
         place[kept] = np.arange(len(kept))
         self._owner = place[self._owner]
         self._row = place[self._row]
         by_identity = {track.identity: track for track in self.tracks}
-        for number in gone:
-            track = self.tracks[number]
+        for track in gone:
             if track.into >= 0 and track.into in by_identity:
                 self._tell("merge", by_identity[track.into], time, track.identity)
                 if time - track.began <= 2 * SETTLED:
                     self.swallowed[track.identity] = track.into
             else:
                 self._tell("end", track, track.seen)
-        ended = {self.tracks[number].identity for number in gone}
-        self._cutter.forget(ended)
+        self._cutter.forget({track.identity for track in gone})
         self.tracks = [self.tracks[number] for number in kept]
 
     def _tell(self, kind: Happening, track: Track, time: float, other: int = -1) -> None:

@@ -102,11 +102,7 @@ class NamedTouch(_Answered):
     area_least: float = float("nan")
 
     def __post_init__(self) -> None:
-        freeze(self, taxels=self.taxels, centre=self.centre)
-        if self.normal is not None:
-            freeze(self, normal=np.asarray(self.normal, np.float64))
-        if self.path is not None:
-            freeze(self, path=np.asarray(self.path, np.float64))
+        freeze(self)
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""
@@ -116,6 +112,12 @@ class NamedTouch(_Answered):
             "part": self.part,
             "taxels": len(self.taxels),
         }
+
+
+def words_of(touch: NamedTouch) -> tuple[str, ...]:
+    """The three answers of a touch, without their numbers; none where nothing was answered."""
+    said = touch.answers
+    return () if said is None else (said.kind.answer, said.motion.answer, said.hand.answer)
 
 
 Event = TypeVar("Event")

@@ -135,11 +135,7 @@ def basins(beside: IntArray, pressures: NDArray[Any]) -> IntArray:
 
 
 def measure(
-    skin: JoinedSkin,
-    index: IntArray,
-    label: IntArray,
-    count: int,
-    pressures: FloatArray,
+    skin: JoinedSkin, index: IntArray, label: IntArray, count: int, pressures: FloatArray
 ) -> Measured:
     """Measures of `count` contacts.
 
@@ -449,13 +445,16 @@ class Cutter:
         height = pressures[tops].tolist()
         root = list(range(len(tops)))
         sheet = self._sheets[index]
+
+        def top(one: int) -> int:
+            while root[one] != one:
+                one = root[one]
+            return one
+
         for saddle, a, b in _saddles(beside, pressures, region):
             # No taxel feels what lies over the joint of two shells: a saddle there must be deeper.
             joint = sheet[tops[a]] != sheet[tops[b]]
-            while root[a] != a:
-                a = root[a]
-            while root[b] != b:
-                b = root[b]
+            a, b = top(a), top(b)
             if a == b:
                 continue
             high, low = (a, b) if height[a] >= height[b] else (b, a)
@@ -464,11 +463,8 @@ class Cutter:
             if not deep or self._along_skin(index[tops[[a]]], index[tops[b]])[0] < CLOSE:
                 root[low] = high
                 size[high] += size[low]
-        for number, parent in enumerate(root):
-            while root[parent] != parent:
-                parent = root[parent]
-            root[number] = parent
-        return np.asarray(np.unique(np.array(root)[region], return_inverse=True)[1])
+        joined = np.array([top(one) for one in range(len(root))])
+        return np.asarray(np.unique(joined[region], return_inverse=True)[1])
 
     def _along_skin(self, some: IntArray, one: int) -> FloatArray:
         """(k,) ways along the skin from some taxels (k,) to one of the same sheet [m].

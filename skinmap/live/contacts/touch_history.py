@@ -180,8 +180,7 @@ class TouchBook:
     @property
     def lasting(self) -> dict[int, int]:
         """The part of each touch that is not over, those between two presses too."""
-        every = {**self.paused, **self.entries}
-        return {number: entry.part for number, entry in every.items()}
+        return {number: entry.part for number, entry in {**self.paused, **self.entries}.items()}
 
     def _resume(self, tracks: Sequence[Track]) -> None:
         """Give new contacts to touches that were pressed shortly before at the same place."""

@@ -289,9 +289,7 @@ class LslSource(Source):
     To be read from one thread: `open_lsl` puts a `Receiver` around it.
     """
 
-    def __init__(
-        self, address: str, *, robot: Robot | None = None, parts: Sequence[str] | None = None
-    ) -> None:
+    def __init__(self, address: str, *, robot: Robot | None, parts: Sequence[str] | None) -> None:
         scope, name = split_scope(address)
         self._lsl = load_lsl(scope)
         self._name, _, self._uid = name.partition("#")
@@ -408,8 +406,7 @@ class LslSource(Source):
         """
         if now - self._asked >= CORRECT:
             self._asked = now
-            asking = threading.Thread(target=self._ask, args=(self._inlet,), daemon=True)
-            asking.start()
+            threading.Thread(target=self._ask, args=(self._inlet,), daemon=True).start()
 
     def _ask(self, inlet: Any) -> None:
         with suppress(RuntimeError):  # lost, or no answer in time: the last offset holds
@@ -459,25 +456,20 @@ class LslPublisher(Publisher):
         self._scope, self.name = split_scope(address)
         self._lsl = load_lsl(self._scope)
         self._times = OurTimes(self._lsl.local_clock, speed, DRIFT)
-        self._outlets: dict[Topic, Any] = {}
         for found in self._lsl.resolve_byprop("name", self.name, 1, TAKEN):
             raise OutputError(
                 f"an LSL stream named {self.name!r} is there already: "
                 f"{found.uid()} on {found.hostname()}; choose another name"
             )
-        for topic in self.topics:
-            self._outlets[topic] = self._open(topic)
-
-    def stream_name(self, topic: Topic) -> str:
-        """Name of the stream of a topic."""
-        return self.name if topic == self.info.kind else f"{self.name}-{topic}"
+        self._outlets: dict[Topic, Any] = {topic: self._open(topic) for topic in self.topics}
 
     def wait_for_followers(self, timeout: float) -> bool:
         """Whether a listener connects within a time [s]."""
         return bool(self._outlets[self.info.kind].wait_for_consumers(timeout))
 
     def _open(self, topic: Topic) -> Any:
-        lsl, name, text = self._lsl, self.stream_name(topic), topic in ("contacts", "labels")
+        lsl, text = self._lsl, topic in ("contacts", "labels")
+        name = self.name if topic == self.info.kind else f"{self.name}-{topic}"
         print_ = repr((name, self.info.robot, self.info.parts, self.info.widths, topic))
         found = lsl.StreamInfo(
             name,

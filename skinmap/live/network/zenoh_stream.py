@@ -6,7 +6,6 @@ each publisher shows itself to ROS 2's graph by a liveliness token (the design p
 
 from __future__ import annotations
 
-import logging
 import os
 import queue
 import secrets
@@ -171,8 +170,6 @@ def _short(error: Exception) -> str:
     return str(error).split(" at /")[0][:200]
 
 
-logger = logging.getLogger(__name__)
-
 WAIT = 3.0  # for a first message [s]
 QUEUED = 1000  # samples kept here between two reads: 20 s at 50 Hz
 CLOUD = dds_name("sensor_msgs/PointCloud2")
@@ -205,11 +202,7 @@ class ZenohSource(Source):
     """
 
     def __init__(
-        self,
-        where: ZenohAddress,
-        *,
-        robot: Robot | None = None,
-        parts: Sequence[str] | None = None,
+        self, where: ZenohAddress, *, robot: Robot | None, parts: Sequence[str] | None
     ) -> None:
         warn_if_open(where.address, "reading from")
         self._where = where
@@ -274,9 +267,7 @@ class ZenohSource(Source):
             if len(values) != self._info.channels or not np.isfinite(values).all():
                 raise MessageError(f"{len(values)} values, expected {self._info.channels} numbers")
         except MessageError as error:
-            level = logging.DEBUG if self._counts.refused else logging.WARNING
-            self._counts.refused += 1
-            logger.log(level, "%s: refused: %s", self._where.topic, error)
+            self._refuse(self._where.topic, error)
             return None
         before = self._numbers.get(sender)
         if before is not None and number > before + 1:
@@ -312,8 +303,7 @@ class ZenohSource(Source):
                 told.put(message.payload.to_bytes())
 
         self._subscribe(f"{SKIN}/info", hear)
-        said = unpack_info(read_text(self._first(told)).encode())
-        return replace(said, clock="sender")
+        return replace(unpack_info(read_text(self._first(told)).encode()), clock="sender")
 
     def _meet(self, robot: Robot | None, parts: Sequence[str] | None) -> StreamInfo:
         """What the first message of a foreign stream shows."""
@@ -352,11 +342,11 @@ def values_of(kind: str, message: bytes, field: str = "") -> tuple[int, NDArray[
         Another type, or a message that contradicts itself.
     """
     if kind == CLOUD:
-        cloud = read_cloud(message)
-        names = cloud.points.dtype.names or ()
+        stamp, points = read_cloud(message)
+        names = points.dtype.names or ()
         if not names or (field and field not in names):
             raise MessageError(str(UnknownNameError("field of the cloud", field, names)))
-        return cloud.stamp, _plain(np.asarray(cloud.points[field or names[-1]]))
+        return stamp, _plain(np.asarray(points[field or names[-1]]))
     if kind not in ARRAYS:
         raise MessageError(f"messages of type {kind}; clouds and arrays are read")
     return 0, _plain(np.asarray(read(ARRAYS[kind], message).data))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import errno
-import logging
 import secrets
 import threading
 import time
@@ -31,7 +30,6 @@ from skinmap.live.network.network_messages import (
 from skinmap.live.publishing.publish import HEARTBEAT, Publisher, Topic, repeated
 from skinmap.live.sources.source import (
     MAX_BLOCK,
-    SILENT,
     Block,
     Source,
     StreamInfo,
@@ -40,8 +38,6 @@ from skinmap.live.sources.source import (
     follow,
 )
 from skinmap.skin.robot import Robot
-
-logger = logging.getLogger(__name__)
 
 WAIT = 3.0  # for a publisher's description [s]
 LARGEST_INFO = 1 << 16  # bytes of a description that are read
@@ -91,11 +87,6 @@ class ZmqSource(Source):
         self._session: int | None = None
         self._sequence = -1
 
-    @property
-    def alive(self) -> bool:
-        """Whether its heartbeat or a sample came within the last second."""
-        return time.perf_counter() - self.last_seen < SILENT
-
     def read(self, timeout: float) -> Block | None:
         """Samples that came, at most 256; None where none does within `timeout` [s].
 
@@ -140,10 +131,7 @@ class ZmqSource(Source):
             header = unpack_header(frames[1])
             values = unpack_values(header, frames[2], self._info)
         except MessageError as error:
-            # It may come with every sample: only the first one is a warning.
-            level = logging.DEBUG if self._counts.refused else logging.WARNING
-            self._counts.refused += 1
-            logger.log(level, "%s: refused: %s", self.address.endpoint, error)
+            self._refuse(self.address.endpoint, error)
             return None
         self._last_seen = arrived
         self._follow(header)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import SkinMismatchError, UnknownNameError, check_known
-from skinmap.live.contacts.named_touch import Moment, NamedTouch
+from skinmap.live.contacts.named_touch import Moment, NamedTouch, words_of
 from skinmap.live.network.network_messages import VERSION
 from skinmap.live.sources.source import Block, Source, SourceEnded, StreamInfo
 from skinmap.recognition.answers import answers_object
@@ -222,7 +222,7 @@ class Publisher(ABC):
             self._send_text("contacts", moment.time, contacts_json(moment))
         self._contacts = moment.touches
         named = tuple(
-            (one.part, one.identity, one.label, _number(round(one.confidence, 2)), _words(one))
+            (one.part, one.identity, one.label, _number(round(one.confidence, 2)), words_of(one))
             for one in moment.touches
         )
         if "labels" in self.topics and named != self._labels:
@@ -326,12 +326,6 @@ def labels_json(moment: Moment) -> str:
         for one in moment.touches
     ]
     return _text({"skinmap": VERSION, "time_s": _number(moment.time), "labels": labels})
-
-
-def _words(touch: NamedTouch) -> tuple[str, ...]:
-    """The three answers of a touch, without their numbers."""
-    said = touch.answers
-    return () if said is None else (said.kind.answer, said.motion.answer, said.hand.answer)
 
 
 def _text(found: dict[str, Any]) -> str:

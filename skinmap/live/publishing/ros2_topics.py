@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import OutputError
 from skinmap.imports import import_optional
+from skinmap.io.recordings.recorded_stream import sample_columns
 from skinmap.io.ros2.messages import (
     TouchMarker,
     array_type,
@@ -22,7 +23,7 @@ from skinmap.io.ros2.messages import (
     full_name,
     text_message,
 )
-from skinmap.io.ros2.robot_topics import LATCHED, TF, TYPES, RobotTopics, RobotView, taxel_columns
+from skinmap.io.ros2.robot_topics import LATCHED, TF, TYPES, RobotTopics, RobotView
 from skinmap.live.contacts.named_touch import Moment
 from skinmap.live.network.network_messages import HERE, KINDS, Address, parse_address, warn_if_open
 from skinmap.live.publishing.publish import Publisher, Topic
@@ -132,7 +133,6 @@ class FoxglovePublisher(Ros2Publisher):
         where = parse_address(address) if address else Address(HERE, PORT)
         warn_if_open(where, "every machine on the network can read the stream at")
         self._context = foxglove.Context()
-        self._channels: dict[str, Any] = {}
         self._lock = threading.Lock()
         self._scene = None if robot is None else SkinScene(robot, info, self._context)
         self._closed = False
@@ -140,8 +140,8 @@ class FoxglovePublisher(Ros2Publisher):
         self._repeated, self._repeats = 0.0, 0
         # Said before the first sample, so that who subscribes misses none.
         samples = {f"/skin/{topic}": SAMPLES for topic in self.topics if topic in KINDS}
-        for topic, kind in {**samples, **({} if robot is None else TYPES)}.items():
-            self._channels[topic] = self._open(topic, kind)
+        said = {**samples, **({} if robot is None else TYPES)}
+        self._channels = {topic: self._open(topic, kind) for topic, kind in said.items()}
         try:
             self._server = foxglove.start_server(
                 name=f"Skinmap: {info.robot or info.name}",
@@ -222,9 +222,8 @@ class SkinScene:
 
         self._messages, self._robot = messages, robot
         self._skin = SceneUpdateChannel("/skin/scene", context=context)
-        columns = taxel_columns(robot, info.parts, info.widths)
-        counts = [len(robot.skin(part)) for part in info.parts]
-        ends = np.cumsum(counts)
+        skins = [robot.skin(part) for part in info.parts]
+        columns, ends = sample_columns(skins, info.widths), np.cumsum([len(one) for one in skins])
         self._columns = dict(zip(info.parts, np.split(columns, ends[:-1]), strict=True))
         self._points = {part: self._lifted(part) for part in info.parts}
         self._faces = {
@@ -279,7 +278,7 @@ class SkinScene:
             indices=self._faces[part],
         )
         return messages.SceneEntity(
-            timestamp=_time(stamp, messages),
+            timestamp=messages.Timestamp(*divmod(stamp, 1_000_000_000)),
             frame_id=self._robot.part(part).link,
             id=f"skin {part}",
             frame_locked=True,
@@ -291,7 +290,3 @@ class SkinScene:
         skin = self._robot.skin(part)
         places = (skin.positions + LIFT * skin.normals).tolist()
         return [self._messages.Point3(x=x, y=y, z=z) for x, y, z in places]
-
-
-def _time(stamp: int, messages: Any) -> Any:
-    return messages.Timestamp(stamp // 1_000_000_000, stamp % 1_000_000_000)

@@ -426,7 +426,11 @@ class RecordingTap(Relay):
                 self._ended = True
             return None
         if self._later is None:
-            self._later = self._shift(float(block.times[0]))
+            first = float(block.times[0])
+            self._later = max(0.0, float(np.ceil(-first)))
+            if self._later:
+                said = f"times of {self.info.name!r} begin at {first:g} s"
+                warn(f"{said}: recorded {self._later:g} s later")
         if self._later:
             block = Block(block.times + self._later, block.values, block.arrived)
         if (width := block.values.shape[1]) != self.info.channels:
@@ -479,13 +483,6 @@ class RecordingTap(Relay):
         """The usual step between samples so far [s]; 0 where only one came."""
         times = np.concatenate([*(one.times for one in self.kept), block.times])
         return float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-
-    def _shift(self, first: float) -> float:
-        if first >= 0.0:
-            return 0.0
-        later = float(np.ceil(-first))
-        warn(f"times of {self.info.name!r} begin at {first:g} s: recorded {later:g} s later")
-        return later
 
     def angles_at(self, time: float) -> Mapping[str, float]:
         """Joint angles [rad] of the source at a time of what this gives [s]."""
@@ -575,17 +572,14 @@ def record(
         if path.exists() and not replace:
             raise OutputError(f"{str(path)!r} exists already")
     loaded = resolve_robot(robot)
-    opened = isinstance(source, str | Path)
-    origin = open_source(source, robot=loaded) if isinstance(source, str | Path) else source
-    try:
-        for path in continued(file):
-            path.unlink()  # of the recording that is replaced
-        with closing(Recorder(file, origin.info, robot=loaded)) as recorder:
-            tap = RecordingTap(origin, recorder, patience=PATIENCE, seconds=seconds, looks=True)
-            for _ in blocks(tap):
-                pass
-    finally:
-        if opened:
-            origin.close()
+    if isinstance(source, str | Path):
+        with closing(open_source(source, robot=loaded)) as origin:
+            return record(origin, file, seconds, robot=loaded, replace=replace)
+    for path in continued(file):
+        path.unlink()  # of the recording that is replaced
+    with closing(Recorder(file, source.info, robot=loaded)) as recorder:
+        tap = RecordingTap(source, recorder, patience=PATIENCE, seconds=seconds, looks=True)
+        for _ in blocks(tap):
+            pass
     counts = recorder.counts
     return Recorded(tuple(recorder.files), counts.written, counts.dropped)

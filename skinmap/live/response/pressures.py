@@ -230,8 +230,7 @@ class RestBaseline:
         for part in np.unique(self._group[waiting]).tolist():
             own = self._group == part
             if not self.sign[own].any():
-                falls = np.median(found[1, own[waiting]]) > MIDDLE
-                self.sign[own] = -1.0 if falls else 1.0
+                self.sign[own] = -1.0 if np.median(found[1, own[waiting]]) > MIDDLE else 1.0
         calmer = np.ptp(found, axis=0) < np.ptp(self._calmest[:, waiting], axis=0)
         self._calmest[:, waiting[calmer]] = found[:, calmer]
         self._looks += 1
@@ -276,10 +275,8 @@ class Responses:
                 check_response(response, skin.skins[part].skin, part)
                 _warn_of_rate(response, info.rate, part)
                 self._own[part] = PartResponse(response, info.rate)
-        rest = [skin.slices[part] for part in skin.parts if part not in self._own]
-        self._rest = np.concatenate(
-            [np.zeros(0, np.int64), *(np.arange(rows.start, rows.stop) for rows in rest)]
-        )
+        free = np.array([part not in self._own for part in skin.parts])
+        self._rest = np.flatnonzero(free[skin.part_of])
         self._baseline: RestBaseline | None = None
         if self._raw and len(self._rest):
             self._baseline = RestBaseline(skin.part_of[self._rest], info.rate)
@@ -467,8 +464,7 @@ class RestGate:
     def __init__(self, skin: JoinedSkin, rate: float) -> None:
         self.skin = skin
         n = len(skin)
-        every = (rate if rate > 0 else 50.0) * REST / WINDOW
-        self._every = max(1, round(every))
+        self._every = max(1, round((rate if rate > 0 else 50.0) * REST / WINDOW))
         self._follow = FOLLOWED * WINDOW * self._every / (rate if rate > 0 else 50.0)
         self._window = np.zeros((WINDOW, n), np.float32)
         self._seen = 0

@@ -211,13 +211,10 @@ class SampleChecks:
 
     def _mended(self, values: NDArray[Any]) -> NDArray[Any]:
         """The values without NaN, infinity and what lies out of the range of counts."""
-        if values.dtype == np.uint8:
+        # False for NaN.
+        if values.dtype == np.uint8 or (RANGE[0] <= values.min() and values.max() <= RANGE[1]):
             self._hear(np.True_)
-            return values
-        low, high = values.min(initial=0.0), values.max(initial=0.0)
-        if RANGE[0] <= low and high <= RANGE[1]:  # False for NaN
-            self._hear(np.True_)
-            self._good = values[-1] if len(values) else self._good
+            self._good = values[-1]
             return values
         values = np.array(values, np.float64)
         bad = ~np.isfinite(values)

@@ -136,13 +136,7 @@ class MujocoSource(MadeSource):
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        path: Path,
-        *,
-        parts: Sequence[str] | None = None,
-        seed: int = 0,
-        speed: float = 1.0,
+        self, robot: Robot, path: Path, *, parts: Sequence[str] | None, seed: int, speed: float
     ) -> None:
         touching = MujocoTouching(robot, path, parts=parts, seed=seed)
         name, skins = f"mujoco {path.name}", [robot.skin(part) for part in touching.model.parts]
@@ -152,8 +146,7 @@ class MujocoSource(MadeSource):
 
     def angles_at(self, time: float) -> Mapping[str, float]:
         """Joint angles [rad] at a sample's time [s]."""
-        kept = tuple(self._angles)
-        return min(kept, key=lambda one: abs(one[0] - time), default=(time, {}))[1]
+        return min(tuple(self._angles), key=lambda one: abs(one[0] - time), default=(time, {}))[1]
 
 
 def open_mujoco(address: str, *, robot: Robot | None, loop: bool, **wish: Any) -> MujocoSource:

@@ -7,6 +7,7 @@ all formats are sources: MCAP, our .npz, XDF, and what a data dumper wrote.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -148,7 +149,6 @@ def _simulated(address: str, *, robot: Robot | None, seed: int, loop: bool, **wi
     from skinmap.touch.simulation.hands import NAMES
 
     words = [word for word in address.split(",") if word]
-    raw = "raw" in words
     seeds = [word.removeprefix(SEED) for word in words if word.startswith(SEED)]
     names = tuple(one for one in words if one != "raw" and not one.startswith(SEED))
     unknown = [name for name in names if name not in NAMES]
@@ -158,7 +158,7 @@ def _simulated(address: str, *, robot: Robot | None, seed: int, loop: bool, **wi
             f"'sim:{address}'; gestures: {', '.join(NAMES)}"
         )
     seed = int(seeds[-1]) if seeds else seed
-    kind: Kind = "raw" if raw else "pressure"
+    kind: Kind = "raw" if "raw" in words else "pressure"
     robot = robot or load_robot("icub")
     return SimulatedSource(robot, seed=seed, kind=kind, gestures=names, **wish)
 
@@ -222,27 +222,17 @@ def open_recording(
     """
     path = Path(path)
     track = warn_of_loss(open_track(path, robot=robot, kind=kind, parts=parts), path)
-    info, values = track.info, track.values
+    info = track.info
     if parts is not None:
         info, columns = info.only(parts)
-        values = _Columns(track.values, columns)
+        track = replace(track, values=_Columns(track.values, columns), overview=None)
     if robot is not None:
         check_skin(info, robot)
         skins = [robot.skin(part) for part in info.parts]
         dense = [len(skin) for skin in skins] == list(info.widths)
         if dense and path.suffix.lower() in TOUCHES:
             info = describe_skins(info.name, robot.name, skins, info.rate, info.kind, info.clock)
-    return Playback(
-        info,
-        track.times,
-        values,
-        speed=speed,
-        loop=loop,
-        joints=track.joints,
-        angles=track.angles,
-        marks=track.touches,
-        overview=None if parts is not None else track.overview,
-    )
+    return Playback(replace(track, info=info), speed=speed, loop=loop)
 
 
 def open_track(

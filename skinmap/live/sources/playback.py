@@ -4,15 +4,12 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import ArrayLike
 
-from skinmap.arrays import FloatArray, check_finite
 from skinmap.errors import InvalidArrayError
-from skinmap.io.recordings.recorded_stream import MarkedTouch, Overview, Samples
-from skinmap.live.sources.source import MAX_BLOCK, Block, Seekable, SourceEnded, StreamInfo
+from skinmap.io.recordings.recorded_stream import RecordedStream
+from skinmap.live.sources.source import MAX_BLOCK, Block, Seekable, SourceEnded
 
 GAP = 0.5  # without a sample: something is lost [s]
 
@@ -24,22 +21,12 @@ class Playback(Seekable):
 
     Parameters
     ----------
-    info : StreamInfo
-    times : (t,) float
-        In the recording's clock [s], not decreasing.
-    values : (t, channels) array or Samples
+    track : RecordedStream
+        Its marks and its overview are kept with it.
     speed : float
         Speed as a multiple of the recorded one; `inf` gives all at once, 0 halts.
     loop : bool
         Whether it starts again at its end.
-    joints : sequence of str
-        Names of the joints.
-    angles : (t, j) float, optional
-        Angles of the joints in each sample [rad], NaN where unknown.
-    marks : sequence of MarkedTouch
-        Touches that were marked in it.
-    overview : Overview, optional
-        What is in it second by second.
 
     Attributes
     ----------
@@ -52,29 +39,10 @@ class Playback(Seekable):
     own, so they jump back when it starts again and where `seek` leads back.
     """
 
-    def __init__(
-        self,
-        info: StreamInfo,
-        times: ArrayLike,
-        values: Samples,
-        *,
-        speed: float = 1.0,
-        loop: bool = False,
-        joints: Sequence[str] = (),
-        angles: FloatArray | None = None,
-        marks: Sequence[MarkedTouch] = (),
-        overview: Overview | None = None,
-    ) -> None:
-        super().__init__(info)
-        self.marks, self.overview, self.most = tuple(marks), overview, MAX_BLOCK
-        self._values = values
-        self._joints = tuple(joints)
-        self._angles = np.zeros((0, 0)) if angles is None else np.asarray(angles, np.float64)
-        self._times = check_finite(times, "times", (None,))
-        if len(self._times) != len(values):
-            raise InvalidArrayError(f"{len(self._times)} times for {len(values)} samples")
-        if (np.diff(self._times) < 0).any():
-            raise InvalidArrayError("times must not run backwards")
+    def __init__(self, track: RecordedStream, *, speed: float = 1.0, loop: bool = False) -> None:
+        super().__init__(track.info)
+        self.marks, self.overview, self.most = track.touches, track.overview, MAX_BLOCK
+        self._track, self._times = track, track.times
         steps = np.diff(self._times)
         self._step = float(np.median(steps)) if len(steps) else 0.0
         self._changed = threading.Condition()
@@ -86,10 +54,7 @@ class Playback(Seekable):
 
     def again(self, speed: float) -> Playback:
         """The same recording from its beginning, as a source of its own; nothing is read anew."""
-        return Playback(
-            self.info, self._times, self._values, speed=speed, loop=self._loop,
-            joints=self._joints, angles=self._angles, marks=self.marks, overview=self.overview,
-        )  # fmt: skip
+        return Playback(self._track, speed=speed, loop=self._loop)
 
     @property
     def speed(self) -> float:
@@ -117,17 +82,17 @@ class Playback(Seekable):
     @property
     def duration(self) -> float:
         """[s]; the last sample lasts as long as a sample does."""
-        return self._end - self._start
+        return self._end - self.began
 
     @property
     def last(self) -> float:
         """Seconds from its beginning to its last sample; 0 where it has none."""
-        return float(self._times[-1]) - self._start if len(self._times) else 0.0
+        return float(self._times[-1]) - self.began if len(self._times) else 0.0
 
     @property
     def began(self) -> float:
         """Time of its beginning, in its clock [s]."""
-        return self._start
+        return float(self._times[0]) if len(self._times) else 0.0
 
     @property
     def gaps(self) -> list[tuple[float, float]]:
@@ -147,14 +112,14 @@ class Playback(Seekable):
     def position(self) -> float:
         """Seconds from the beginning to the sample that comes next."""
         with self._changed:
-            return self._time_of(self._row) - self._start
+            return self._time_of(self._row) - self.began
 
     def angles_at(self, time: float) -> dict[str, float]:
         """Joint angles [rad] of the last sample up to a time in the recording's clock [s]."""
         row = int(np.searchsorted(self._times, time + 1e-10)) - 1
-        if not 0 <= row < len(self._angles):
+        if not 0 <= row < len(self._track.angles):
             return {}
-        found = zip(self._joints, self._angles[row].tolist(), strict=True)
+        found = zip(self._track.joints, self._track.angles[row].tolist(), strict=True)
         return {joint: angle for joint, angle in found if angle == angle}
 
     def seek(self, seconds: float) -> None:
@@ -163,7 +128,7 @@ class Playback(Seekable):
             raise InvalidArrayError(f"cannot seek to {seconds} seconds")
         with self._changed:
             # A tenth of a nanosecond: what `position` gave must lead back to the same sample.
-            self._row = int(np.searchsorted(self._times, self._start + seconds - 1e-10))
+            self._row = int(np.searchsorted(self._times, self.began + seconds - 1e-10))
             self._anchor()
             self._changed.notify_all()
 
@@ -197,10 +162,6 @@ class Playback(Seekable):
         with self._changed:
             self._closed = True
             self._changed.notify_all()
-
-    @property
-    def _start(self) -> float:
-        return float(self._times[0]) if len(self._times) else 0.0
 
     @property
     def _end(self) -> float:
@@ -240,9 +201,8 @@ class Playback(Seekable):
             due = self._played + (now - self._since) * self._speed
             stop = max(int(np.searchsorted(self._times, due, side="right")), row + 1)
         stop = min(stop, row + MAX_BLOCK, len(self._times))
-        values = self._values[row:stop]
         arrived = now if np.isinf(self._speed) else self._when(self._times[stop - 1])
-        block = Block(self._times[row:stop], values, min(arrived, now))
+        block = Block(self._times[row:stop], self._track.values[row:stop], min(arrived, now))
         self._row = stop
         return block
 

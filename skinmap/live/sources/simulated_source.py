@@ -253,8 +253,7 @@ class SimulatedSource(MadeSource):
     def _simulate(self, count: int) -> NDArray[np.uint8]:
         while self._next < self._now + count:
             self._begin(self._next)
-            pause = max(1, round(float(self._rng.exponential(PAUSE)) * self._rate))
-            self._next += pause
+            self._next += max(1, round(float(self._rng.exponential(PAUSE)) * self._rate))
         columns = []
         for row, stage in enumerate(self._stages):
             loads = np.zeros((count, len(stage.skin)))

@@ -12,6 +12,7 @@ What a stream says of the skin it comes from, and whether it is the skin we have
 
 from __future__ import annotations
 
+import logging
 import math
 import threading
 import time
@@ -25,7 +26,7 @@ from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import BrokenPluginError, InvalidArrayError, SkinMismatchError, UnreachableError
-from skinmap.io.recordings.recorded_stream import Kind, StreamInfo
+from skinmap.io.recordings.recorded_stream import Kind, StreamInfo, sample_columns
 from skinmap.live.bounded_queue import BoundedQueue
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin, fingerprint
@@ -131,6 +132,7 @@ __all__ = [
 
 
 MAX_BLOCK = 256  # samples in one: what is given at once stays small
+logger = logging.getLogger(__name__)
 SIMULATION = "simulation"  # the clock of samples that are made when they are asked for
 
 
@@ -231,8 +233,8 @@ class Source(ABC):
 
     @property
     def alive(self) -> bool:
-        """Whether it is there."""
-        return True
+        """Whether it is there: that it gave a sign of life within the last second, where noted."""
+        return not time.perf_counter() - self._last_seen >= SILENT
 
     @property
     def seekable(self) -> bool:
@@ -247,6 +249,12 @@ class Source(ABC):
     def angles_at(self, time: float) -> Mapping[str, float]:
         """Joint angles [rad] at a sample's time [s]; empty where there are none."""
         return {}
+
+    def _refuse(self, where: str, why: Exception) -> None:
+        """Count a message that is none of this stream; only the first one is a warning."""
+        level = logging.DEBUG if self._counts.refused else logging.WARNING
+        self._counts.refused += 1
+        logger.log(level, "%s: refused: %s", where, why)
 
 
 class Seekable(Source):
@@ -347,7 +355,7 @@ class Relay(Source):
         """Close the source."""
         self.source.close()
 
-    info, counts, last_seen, alive = map(_theirs, ("info", "counts", "last_seen", "alive"))
+    counts, last_seen, alive = map(_theirs, ("counts", "last_seen", "alive"))
     seekable, speed, angles_at = map(_theirs, ("seekable", "speed", "angles_at"))
 
 
@@ -419,12 +427,8 @@ def check_skin(info: StreamInfo, robot: Robot) -> None:
 
 def gather(info: StreamInfo, skins: Mapping[str, Skin]) -> IntArray:
     """(N,) place in a stream's sample of each taxel of some parts, in dense rows."""
-    places = []
-    for part, skin in skins.items():
-        rows = info.part_slice(part)
-        dense = rows.stop - rows.start == len(skin)
-        places.append(rows.start + (np.arange(len(skin)) if dense else skin.channels))
-    return np.concatenate(places)
+    some, columns = info.only(tuple(skins))
+    return columns[sample_columns(skins.values(), some.widths)]
 
 
 def describe_skins(
@@ -616,7 +620,8 @@ def check_source(make: Callable[[], Any], *, samples: int = 20, seconds: float =
     _require(sound, f"angles_at gives {angles!r}, expected angles [rad] by joint")
     blocks = _read(source, samples, seconds)
     _require(bool(blocks), f"nothing came within {seconds:g} s")
-    _check_times(blocks)
+    steps = np.diff(np.concatenate([block.times for block in blocks]))
+    _require(bool((steps >= 0).all()), "times run backwards")
     if isinstance(source, Seekable):
         _check_seeking(source, blocks[0], seconds)
     for _ in range(2):
@@ -669,11 +674,6 @@ def _check_block(info: StreamInfo, block: Any) -> None:
     _require(block.arrived <= time.perf_counter(), "arrived lies in the future (perf_counter)")
 
 
-def _check_times(blocks: list[Block]) -> None:
-    steps = np.diff(np.concatenate([block.times for block in blocks]))
-    _require(bool((steps >= 0).all()), "times run backwards")
-
-
 def _check_seeking(source: Seekable, first: Block, seconds: float) -> None:
     try:
         source.speed, source.loop = float("inf"), False
@@ -713,11 +713,6 @@ class ChosenParts(Relay):
     def __init__(self, source: Source, parts: Sequence[str]) -> None:
         super().__init__(source)
         self._info, self._columns = source.info.only(parts)
-
-    @property
-    def info(self) -> StreamInfo:
-        """What is in a sample, of the chosen parts."""
-        return self._info
 
     def read(self, timeout: float) -> Block | None:
         """As the source's, with fewer channels."""

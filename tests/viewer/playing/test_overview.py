@@ -13,6 +13,7 @@ from click.testing import CliRunner
 import skinmap
 from skinmap.cli.main import cli
 from skinmap.io.mcap.writing import McapRecording
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live import Moment
 from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.live.loop import TouchLoop
@@ -44,7 +45,9 @@ def test_stretches_are_the_presses_that_were_planted():
     presses = [(4.0, 5.0), (5.05, 5.5), (9.0, 9.4)]  # the first pause is none
     for began, ended in presses:
         values[np.ix_((times >= began) & (times < ended), np.argsort(distance)[:7])] = 120.0
-    source = Playback(StreamInfo("x", ("torso",), (240,), 50.0), times, values, speed=np.inf)
+    source = Playback(
+        RecordedStream(StreamInfo("x", ("torso",), (240,), 50.0), times, values), speed=np.inf
+    )
     with_loop = TouchLoop(robot, source, skins={"torso": skin})
     found = [one for block in touch_stretches(with_loop) for one in block]
     assert [part for part, *_ in found] == ["torso", "torso"]
@@ -133,7 +136,7 @@ def test_plots_have_what_was_before_after_every_jump():
     values = np.zeros((400, 240), np.uint8)
     values[100:110, :5] = 90
     info = StreamInfo("still", ("torso",), (240,), 10.0)
-    loop = TouchLoop(robot, Playback(info, times, values))
+    loop = TouchLoop(robot, Playback(RecordedStream(info, times, values)))
     rng = np.random.default_rng(1)
     with Player(loop, paused=True) as player:
         assert player.wait(0, 10.0)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError, SkinMismatchError
+from skinmap.io.recordings.recorded_stream import RecordedStream
 from skinmap.live.contacts.named_touch import Moment, NamedTouch
 from skinmap.live.sources.source import Seekable, SourceEnded, StreamInfo
 from skinmap.recognition.answers import Answer, Answers, HandAnswer
@@ -317,7 +318,7 @@ def test_real_recording_is_led_to_the_sample(icub, rate):
     values = np.zeros((count, n), np.uint8)
     values[:, 3] = np.arange(count) % 200
     info = StreamInfo("rising", ("left_hand",), (n,), rate)
-    loop = TouchLoop(icub, Playback(info, times, values))
+    loop = TouchLoop(icub, Playback(RecordedStream(info, times, values)))
     with Player(loop, paused=True) as player:
 
         def row() -> int:
@@ -347,7 +348,7 @@ def test_one_by_one_passes_no_sample_over():
 
     values = np.arange(300, dtype=np.float32)[:, None]
     info = StreamInfo("numbers", ("arm",), (1,), RATE)
-    source = Playback(info, np.arange(300) / RATE, values, speed=np.inf)
+    source = Playback(RecordedStream(info, np.arange(300) / RATE, values), speed=np.inf)
     source.most = 1
     seen = []
     with pytest.raises(SourceEnded):
