@@ -193,6 +193,8 @@ def test_arrays_of_others_are_told_from_ours_by_what_they_hold(tmp_path, channel
     ours = tmp_path / "ours.npz"
     skinmap.save_recordings(one, ours)
     assert read_recordings(ours)[0].labels == ("poke",)
+    ours.with_suffix(".toml").write_text((tmp_path / "mapping.toml").read_text())
+    assert read_recordings(ours)[0].labels == ("poke",), "it needs no mapping"
     result = CliRunner().invoke(cli, ["classify", str(named), "--json"])
     assert result.exit_code == 0, result.output
     assert json.loads(result.stdout)["events"] == 1

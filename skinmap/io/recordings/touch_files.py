@@ -116,7 +116,7 @@ class Mapping(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 def find_mapping(path: Path) -> Mapping | None:
-    """The mapping of a recording, None where there is none.
+    """The mapping of a recording, None where there is none or a recording of Skinmap needs none.
 
     It is `NAME.toml` beside it, else the `robot` and `part` inside a mended copy, else the nearest
     `mapping.toml` of the folders above it.
@@ -126,6 +126,8 @@ def find_mapping(path: Path) -> Mapping | None:
     DataFormatError
         One that is damaged (says what and where).
     """
+    if is_own_archive(path):
+        return None
     beside = path.with_suffix(".toml")
     if is_file(beside) and "[robot]" not in read_text(beside):  # a manifest beside its taxels
         return read_mapping(beside)
@@ -133,14 +135,13 @@ def find_mapping(path: Path) -> Mapping | None:
         return inside
     for folder in path.absolute().parents[:LEVELS]:
         if is_file(folder / NAME):
-            found = read_mapping(folder / NAME)
-            return None if is_own_archive(path) else found
+            return read_mapping(folder / NAME)
     return None
 
 
 def _mapping_inside(path: Path) -> Mapping | None:
     """The mapping of a mended copy, which holds its robot and part as one word each."""
-    if path.suffix.lower() != ".npz" or not is_file(path) or is_own_archive(path):
+    if path.suffix.lower() != ".npz" or not is_file(path):
         return None
     with open_arrays(path, "an NPZ of channels over time") as arrays:
         if not {"robot", "part", "samples", "mended"} <= set(arrays):
@@ -243,7 +244,7 @@ def load_recordings(path: str | Path) -> list[Recording]:
         raise MissingFileError(path, "a recording made by `skinmap simulate` or `skinmap record`")
     check_suffix(path)
     npz = path.suffix.lower() == ".npz"
-    if npz and not is_own_archive(path) and find_mapping(path) is not None:
+    if npz and find_mapping(path) is not None:
         return read_recordings(path)
     track = exported_track(path) if npz else warn_of_loss(read_track(path), path)
     return archive.load_recordings(path) if track is None else recordings_of(track, path)
