@@ -210,12 +210,8 @@ def _mirrored(skin: Skin, poses: Mapping[int, ModulePose]) -> tuple[int, ...]:
 
     A flat board fits its mirror image just as well, turned over: only the normal tells.
     """
-    found = []
-    for module, pose in poses.items():
-        outward = skin.normals[skin.modules == module].sum(axis=0)
-        if pose.T_link_module[:3, 2] @ outward < 0:
-            found.append(module)
-    return tuple(found)
+    outward = {module: skin.normals[skin.modules == module].sum(axis=0) for module in poses}
+    return tuple(m for m, pose in poses.items() if pose.T_link_module[:3, 2] @ outward[m] < 0)
 
 
 def _scale(table: TaxelTable, layout: ModuleLayout, module: int) -> float:
@@ -228,11 +224,8 @@ def _scale(table: TaxelTable, layout: ModuleLayout, module: int) -> float:
 
 
 def _pitch(table: TaxelTable) -> float:
-    gaps = []
-    for module in np.unique(table.modules):
-        points = table.positions[table.modules == module]
-        if len(points) > 1:
-            gaps.append(nearest(points, 1)[0][:, 0])
+    several = (table.positions[table.modules == module] for module in np.unique(table.modules))
+    gaps = [nearest(points, 1)[0][:, 0] for points in several if len(points) > 1]
     return float(np.median(np.concatenate(gaps))) if gaps else float("nan")
 
 

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +14,7 @@ from skinmap.io.taxels.icub import read_icub
 from skinmap.skin.checks import check_modules, mirror_distance, twin_parts
 from skinmap.skin.cover import fit_to_mesh
 from skinmap.skin.modules import BUILTIN, ModuleLayout, fit_modules, module_layout, shared_places
-from skinmap.skin.repair import detect_unit, repair_table, replace, take
+from skinmap.skin.repair import detect_unit, repair_table, take
 from skinmap.skin.skin import skin_from_table
 from skinmap.skin.taxels import THERMAL, TaxelTable
 
