@@ -7,7 +7,7 @@ within a reach: a matching is one-to-one by construction, whatever the reach.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,8 @@ from skinmap.geometry.rigid import plane_turns
 from skinmap.neighbours.offsets import Neighbourhoods, ramp
 from skinmap.numba_loops import compiled as compiled_loop
 from skinmap.numba_loops import pays
+
+ARRAYS = ("offsets", "filled", "required")  # of prototypes
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -49,14 +51,15 @@ class Prototypes:
 
     def take(self, chosen: IntArray) -> Prototypes:
         """Some of the prototypes, in the order asked for."""
-        arrays = (one[chosen] for one in (self.offsets, self.filled, self.required))
-        return Prototypes(*arrays, self.tolerance, self.rotations)
+        arrays: dict[str, Any] = {name: getattr(self, name)[chosen] for name in ARRAYS}
+        return replace(self, **arrays)
 
     def joined(self, other: Prototypes) -> Prototypes:
         """These and others of the same tolerance, rotations and number of places."""
-        mine, theirs = ((one.offsets, one.filled, one.required) for one in (self, other))
-        arrays = map(np.concatenate, zip(mine, theirs, strict=True))
-        return Prototypes(*arrays, self.tolerance, self.rotations)
+        both: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in ARRAYS
+        }
+        return replace(self, **both)
 
 
 def as_prototypes(
@@ -135,7 +138,7 @@ class Matcher:
     """
 
     def __init__(self, shapes: Prototypes, hoods: Neighbourhoods, *, reach: float) -> None:
-        turns = np.arange(shapes.rotations) * (2.0 * np.pi / shapes.rotations)
+        turns = np.arange(shapes.rotations, dtype=np.float64) * (2.0 * np.pi / shapes.rotations)
         turned = np.einsum("ski,tji->stkj", shapes.offsets, plane_turns(turns))
         self.offsets = np.ascontiguousarray(turned)
         self.required = shapes.required & shapes.filled
