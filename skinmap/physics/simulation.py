@@ -23,34 +23,28 @@ from skinmap.physics.pressing import (
     import_mujoco,
     mount_frame,
     press,
-    spring_bed,
 )
 from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
 from skinmap.skin.skin import Skin
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation import moving_touches
-from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN, TIME
+from skinmap.touch.simulation.gestures import FOUR, LONG_ON_SKIN, ON_SKIN, TIME
 from skinmap.touch.simulation.hands import OBLIQUE, Draw
 from skinmap.touch.simulation.moving_touches import TIME_GESTURES, Laid, Timing, lay
-from skinmap.touch.simulation.simulator import Plays
+from skinmap.touch.simulation.simulator import MISSES, SUBJECTS, TRIES, Plays
 from skinmap.touch.simulation.variety import (
-    ALL_HANDS,
     FULL_SCALE,
     HABITS,
-    HAND,
     LEANS,
     Sensing,
     Sensors,
     Subject,
     beyond,
+    hand_sizes,
     happens,
     on_skin_of,
 )
 
-FOUR = tuple(PRESSERS)[:4]
-SUBJECTS = 10
-TRIES = 60  # places tried for one touch
-MISSES = 3  # touches that found no place before the part counts as too small for the gesture
 AROUND = 5  # taxels whose normals an arm comes in along
 LIFT = 0.06  # time in which a presser leaves the skin [s]
 FURTHER = 0.25  # spread of forces more at a variety of 2, as a logarithm
@@ -194,7 +188,7 @@ def simulate(
 
 def make_ground(skin: Skin, variant: Variant, *, rng: np.random.Generator) -> Ground:
     """Draw the foam of a skin, and find how its taxels feel the springs."""
-    bed = spring_bed(skin)
+    bed = SpringBed(skin)
     spread, full = float(rng.uniform(*variant.spread)), _log_uniform(rng, variant.full_scale)
     foam = _log_uniform(rng, variant.foam)
     return Ground(bed, variant, foam, bed.spread(spread) / full, spread, full)
@@ -204,12 +198,11 @@ def draw_people(
     count: int, variant: Variant, *, rng: np.random.Generator, further: float = 0.0
 ) -> tuple[Person, ...]:
     """People with hands from child to adult, and `further` people from 0 to 1 beside these."""
-    low, high = HAND
-    low, high = low - further * (low - ALL_HANDS[0]), high + further * (ALL_HANDS[1] - high)
+    sizes = hand_sizes(further)
     return tuple(
         Person(
             number,
-            float(rng.uniform(low, high)),
+            float(rng.uniform(*sizes)),
             _log_uniform(rng, variant.flesh),
             float(np.exp(rng.normal(-0.3 * further, 0.2 + 0.2 * further))),
         )
