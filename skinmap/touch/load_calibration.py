@@ -250,8 +250,7 @@ class LoadCalibration:
         session = self.session(counts, rate, zero=zero)
         found = np.full((3, *counts.shape), np.nan, np.float32)
         stream = LoadStream(self, rate, session)
-        for start in range(0, len(counts), CHUNK):
-            rows = slice(start, start + CHUNK)
+        for rows in chunks(len(counts)):
             found[:, rows] = stream.rows(counts[rows])
         return found[0], found[1], found[2]
 

@@ -66,8 +66,7 @@ class SkinGeometry:
     _table: list[NDArray[np.float32]] = field(default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
-        freeze(self, links=self.links, bridged=self.bridged)
-        freeze(self, areas=self.areas, border=self.border)
+        freeze(self)
 
     def __len__(self) -> int:
         return len(self.areas)

@@ -67,6 +67,13 @@ class Body:
     lean: tuple[float, float] = (0.0, 0.0)
 
     @property
+    def axis(self) -> tuple[float, FloatArray]:
+        """Length of the axis [m] and its direction (2,), along x for a ball."""
+        way = np.subtract(self.end, self.start)
+        length = float(np.hypot(*way))
+        return length, way / length if length > 0 else np.array([1.0, 0.0])
+
+    @property
     def middle(self) -> FloatArray:
         """(2,) middle of the axis [m]."""
         return np.asarray(0.5 * (np.array(self.start) + np.array(self.end)))
@@ -159,8 +166,12 @@ def oblique(bodies: list[Body], rng: np.random.Generator) -> list[Body]:
 def rolled(bodies: list[Body], rng: np.random.Generator) -> list[Body]:
     """The bodies after they rolled and dragged the skin along, all by 1 to 5 mm one way."""
     turn, far = float(rng.uniform(0.0, 2.0 * np.pi)), float(rng.uniform(*ROLLED))
-    step = far * np.array([np.cos(turn), np.sin(turn)])
-    return [replace(one, start=pair(step + one.start), end=pair(step + one.end)) for one in bodies]
+    return shifted(bodies, far * np.array([np.cos(turn), np.sin(turn)]))
+
+
+def shifted(bodies: Sequence[Body], by: FloatArray) -> list[Body]:
+    """Bodies moved along the plane by a step (2,) [m]."""
+    return [replace(one, start=pair(by + one.start), end=pair(by + one.end)) for one in bodies]
 
 
 def fingertip(at: tuple[float, float], weight: float, draw: Draw) -> Body:
@@ -325,7 +336,6 @@ HANDS: dict[str, Callable[[Draw], list[Body]]] = {
 
 
 SIDES = 10  # straight pieces that a ring is made of
-Point = tuple[float, float]
 
 
 def several_fingers(draw: Draw) -> list[Body]:
@@ -427,7 +437,7 @@ def _pieces(
     corners: np.ndarray, thick: float, force: float, draw: Draw, uneven: float
 ) -> list[Body]:
     """A bent bar through corners (k, 2), each straight piece with its share of the force."""
-    ends: list[Point] = [(float(x), float(y)) for x, y in corners]
+    ends = [pair(corner) for corner in corners]
     bars = [
         Body(a, b, thick, 0.0, float(np.hypot(b[0] - a[0], b[1] - a[1])), STIFF)
         for a, b in pairwise(ends)

@@ -205,9 +205,8 @@ class Sensors:
         lost = np.zeros(count, bool)
         if self.sensing.gaps > 0:
             begins = np.flatnonzero(rng.random(count) < self.sensing.gaps / np.mean(GAP))
-            for first, size in zip(
-                begins, rng.integers(GAP[0], GAP[1] + 1, len(begins)), strict=True
-            ):
+            sizes = rng.integers(GAP[0], GAP[1] + 1, len(begins))
+            for first, size in zip(begins, sizes, strict=True):
                 lost[first : first + size] = True
         return lost
 
@@ -367,7 +366,7 @@ class Subject:
 
 
 def hand_sizes(further: float) -> tuple[float, float]:
-    """Smallest and largest hand, 1 = adult; of nearly everybody where `further` is 1."""
+    """Sizes of the smallest and the largest hand, 1 = adult; `further` is 1 for nearly all."""
     low, high = HAND
     return low - further * (low - ALL_HANDS[0]), high + further * (ALL_HANDS[1] - high)
 
