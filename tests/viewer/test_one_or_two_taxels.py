@@ -14,7 +14,7 @@ from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.normals import repair_normals
 from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.drawing.skin.skin_layer import flat_vertices, refine
-from viewer.web.scene_data import make_scene
+from viewer.web.scene_data import WebScene
 
 ROBOT = """
 [robot]
@@ -83,7 +83,7 @@ def test_a_pressed_taxel_is_a_contact(robot):
 def test_pages_get_its_discs(robot):
     loaded = skinmap.load_robot(robot)
     skins = {"tip": PreparedSkin(loaded.skin("tip"))}
-    scene = make_scene(loaded, skins)
+    scene = WebScene(loaded, skins)
     assert len(scene.layers["tip"].fine.faces) == 4 * 12 * len(skins["tip"])
 
 

@@ -11,7 +11,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from tests.viewer.unpacking import unpack
 from viewer.drawing.skin.skin_layer import body_places, flat_places, mark_scale, refine, taxel_cells
 from viewer.drawing.touches.touch_marks import LONG, arrow
-from viewer.web.scene_data import make_scene
+from viewer.web.scene_data import WebScene
 
 
 @pytest.fixture(scope="module")
@@ -95,7 +95,7 @@ def test_lifts_and_arrows_are_of_the_size_of_the_skin(factor, scale):
 def test_a_page_has_the_flat_map_whole_on_both_sides_of_a_seam(tube, opengl):
     robot = load_robot("kaspar")  # a link for the tube
     tube = PreparedSkin(replace(tube.skin, link=robot.skin("torso").link))
-    header, arrays = unpack(make_scene(robot, {"torso": tube}).packed)
+    header, arrays = unpack(WebScene(robot, {"torso": tube}).packed)
     part = header["parts"][0]
     assert part["flat_faces"][1] == part["sheet_faces"][1], "no face is left out"
     uv = np.concatenate([arrays["sheet.uv"], arrays["seam.uv"]]).reshape(-1, 2).astype(float)

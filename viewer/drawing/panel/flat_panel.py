@@ -85,7 +85,7 @@ class FlatPanel:
         self.font_px = font_px
         # Where the skin of a part lies on its flat map, what marks on it lie on, and its image.
         self.places = cache(lambda part: flat_places(flat_maps[part], layers[part].fine, DOT))
-        self.ground = cache(lambda part: Ground.of(layers[part], self.places(part)))
+        self.ground = cache(lambda part: Ground(layers[part], self.places(part)))
         self._grid = cache(lambda part: taxel_grid(flat_maps[part]))
         self.drawing = TaxelDrawing(plotter, table)
         self._border = add_actor(plotter, pv.PolyData(), colour=RIM, width=1.5)

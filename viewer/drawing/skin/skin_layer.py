@@ -402,13 +402,15 @@ EDGE_DEPTH = 5.0e-3  # how far the sheet's edge reaches down to the body [m]
 HALF = 0.5  # share of a vertex's value that must be known for it to be drawn
 
 
-@dataclass(eq=False, slots=True)
 class SkinLayer:
     """What is drawn of one part, in the frame of its link.
 
-    Attributes
+    Parameters
     ----------
     mesh : SurfaceMesh
+
+    Attributes
+    ----------
     fine : FineSurface
         v vertices.
     places : Places
@@ -427,15 +429,14 @@ class SkinLayer:
         What is felt now, 0 to 255 counts; NaN where nothing is known, as of mute taxels.
     """
 
-    mesh: SurfaceMesh
-    fine: FineSurface
-    places: Places
-    shell: pv.PolyData
-    edge: pv.PolyData
-    border: IntArray
-    beside: csr_array
-    soft: csr_array
-    pressures: FloatArray
+    def __init__(self, mesh: SurfaceMesh) -> None:
+        self.mesh, self.fine = mesh, refine(mesh)
+        self.places = body_places(mesh, self.fine)
+        self.shell = underside(self.places, self.fine)
+        self.edge = underside(self.places, self.fine, quick=True)
+        self.border, self.beside = border_edges(self.fine.faces), neighbour_mean(mesh)
+        self.soft = self.fine.smooth @ self.beside
+        self.pressures = np.zeros(len(mesh.skin))
 
     @property
     def skin(self) -> Skin:
@@ -461,24 +462,6 @@ class SkinLayer:
     def set_pressures(self, pressures: ArrayLike) -> None:
         """Take pressures (n,) of 0 to 255 counts."""
         self.pressures = check_values(pressures, len(self.skin), self.skin.part)
-
-
-def build_layer(mesh: SurfaceMesh, *, levels: int = 1) -> SkinLayer:
-    """Sheet, edge and marks for one part's surface mesh."""
-    fine = refine(mesh, levels)
-    places = body_places(mesh, fine)
-    beside = neighbour_mean(mesh)
-    return SkinLayer(
-        mesh,
-        fine,
-        places,
-        underside(places, fine),
-        underside(places, fine, quick=True),
-        border_edges(fine.faces),
-        beside,
-        fine.smooth @ beside,
-        np.zeros(len(mesh.skin)),
-    )
 
 
 def neighbour_mean(mesh: SurfaceMesh) -> csr_array:
