@@ -410,12 +410,6 @@ def _spanning(n: int, sides: IntArray, weight: FloatArray) -> BoolArray:
     return np.isin(rank, minimum_spanning_tree(graph).data.astype(np.int64))
 
 
-def _in_order(matrix: csr_array) -> csr_array:
-    ordered = csr_array(matrix)
-    ordered.sort_indices()
-    return ordered
-
-
 def _graph(n: int, pairs: IntArray, cost: FloatArray) -> csr_array:
     graph = coo_array((cost, pairs.T), shape=(n, n)).tocsr()
     return graph.maximum(graph.T)
@@ -491,7 +485,7 @@ def divided_touches(faces: IntArray, origin: IntArray, touches: Sequence[IntArra
     pairs = edges(faces)
     ends = [number[pairs[:, side]] for side in (0, 1)]
     both = ends[0].astype(bool).multiply(ends[1].astype(bool))
-    joined = [np.asarray(_in_order(end.multiply(both)).data) - 1 for end in ends]
+    joined = [csr_array(end.multiply(both)).sorted_indices().data - 1 for end in ends]
     graph = coo_array((np.ones(len(joined[0])), joined), shape=(nodes.nnz,) * 2)
     _, piece = connected_components(graph, directed=False)
     vertex, touch = nodes.coords
