@@ -35,7 +35,7 @@ from viewer.drawing.panel.flat_panel import FlatPanel
 from viewer.drawing.skin.skin_layer import SkinLayer
 from viewer.drawing.skin.taxel_drawing import check_style
 from viewer.drawing.touches.traces import (
-    COURSES,
+    PLOT_KINDS,
     SAMPLES,
     SECONDS,
     Plot,
@@ -311,8 +311,7 @@ class Scene:
         UnknownNameError
             Another plot.
         """
-        if plot not in ("taxels", *COURSES):
-            raise UnknownNameError("plot", plot, ("taxels", *COURSES))
+        check_known("plot", [plot], PLOT_KINDS)
         self.plot = plot
         self.canvas.changed = True
 

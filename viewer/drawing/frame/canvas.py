@@ -152,9 +152,8 @@ class Canvas:
             props += view.actors
         props.append(self.joined.actor)
         body = Resting(self.renderer, props, self._detail)
-        panel = []
-        if self.panel is not None:
-            panel.append(Resting(self.panel.renderer, self.panel.actors))
+        shown = [] if self.panel is None else [self.panel]
+        panel = (Resting(one.renderer, one.actors) for one in shown)
         return RenderCache(self.plotter.render_window, body, *panel, cached=cached)
 
     def _detail(self, quick: bool) -> None:

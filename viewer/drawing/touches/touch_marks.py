@@ -240,9 +240,8 @@ def motion_way(touch: NamedTouch, scale: float = 1.0) -> tuple[FloatArray, float
     if touch.motion is None or touch.motion.heading == "still":
         return None
     speed = touch.motion.speed
-    return touch.motion.velocity / speed, float(
-        np.clip(AHEAD * speed, NEAREST * scale, FARTHEST * scale)
-    )
+    reach = np.clip(AHEAD * speed, NEAREST * scale, FARTHEST * scale)
+    return touch.motion.velocity / speed, float(reach)
 
 
 @lru_cache(maxsize=64)
@@ -513,13 +512,8 @@ class TouchView:
             ground = self._ground(touch.part)
             scale = layer.places.scale
             lift = LINE_LIFT * scale
-            for points, colour in (
-                *trail_on(ground, touch, lift),
-                (
-                    self.contours.of(ground, layer, touch, touches, lift),
-                    touch_colour(touch),
-                ),
-            ):
+            contour = self.contours.of(ground, layer, touch, touches, lift)
+            for points, colour in (*trail_on(ground, touch, lift), (contour, touch_colour(touch))):
                 placed = transform_points(pose, points.reshape(-1, 3)).reshape(-1, 2, 3)
                 lines.append((placed, colour))
             arrows = arrow(touch, pose, scale)
@@ -565,11 +559,8 @@ class TouchView:
             words = caption(self._touches[row])
             inward = None
             if hidden and busy is not None:  # a line to it would point through the body
-                centre, anchor, words = (
-                    anchor,
-                    self._edge(anchor, framing, busy),
-                    f"{words}, behind",
-                )
+                centre, words = anchor, f"{words}, behind"
+                anchor = self._edge(centre, framing, busy)
                 inward = (centre[0] - anchor[0], centre[1] - anchor[1])
             colour = tint(touch_colour(self._touches[row]))
             labels.append(Label(names[row], words, colour, anchor, hidden, inward))
