@@ -248,8 +248,7 @@ def _tips(vertices: FloatArray, now: _Laid, count: int) -> list[list[int]]:
     own, faces = vertices[now.cut.origin], now.cut.faces
     size = float(np.ptp(own, axis=0).max())
     loops = loops_by_length(own, faces)
-    inside = np.ones(len(own), bool)
-    inside[np.concatenate(loops)] = False
+    inside = ~np.isin(np.arange(len(own)), np.concatenate(loops))
     if not inside.any():
         return []
     found = measure_distortion(own, faces, now.flat.uv)

@@ -399,8 +399,7 @@ def _spanning(n: int, sides: IntArray, weight: FloatArray) -> BoolArray:
     from scipy.sparse.csgraph import minimum_spanning_tree
 
     # Ranks are distinct, so that the tree names its edges; of parallel ones the first stays.
-    rank = np.empty(len(weight), np.int64)
-    rank[np.argsort(-weight, kind="stable")] = np.arange(1, len(weight) + 1)
+    rank = 1 + np.argsort(np.argsort(-weight, kind="stable"))
     low, high = sides.min(axis=1), sides.max(axis=1)
     order = np.lexsort((rank, high, low))
     repeated = np.zeros(len(order), bool)

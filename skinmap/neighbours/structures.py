@@ -494,11 +494,9 @@ def _cover(
                 members, found = _members(seen, uncovered, shape, compiled)
                 shape = _refined(hoods, shape, members, found)
             members, _ = _members(seen, uncovered, shape, compiled)
-            covered = np.zeros(len(hoods), bool)
-            covered[members] = True
-            covered[columns[matches[:, best] > 0]] = True
-            uncovered = uncovered[~covered[uncovered]]
-            free[covered[columns]] = 0
+            covered = np.union1d(members, columns[matches[:, best] > 0])
+            uncovered = uncovered[~np.isin(uncovered, covered)]
+            free[np.isin(columns, covered)] = 0
             shapes = shapes.joined(shape)
         if every:
             break

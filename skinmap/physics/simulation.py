@@ -87,18 +87,12 @@ class Ground:
         Stiffness of its foam per area [Pa/m].
     feel : (n, c) sparse
         Load of each taxel, 1 = a firm finger, for a newton on each spring.
-    spread : float
-        How far the foam spreads a pressure, standard deviation [m].
-    full_scale : float
-        Pressure that a load of 1 in `feel` stands for [Pa].
     """
 
     bed: SpringBed
     variant: Variant
     foam: float
     feel: csr_array
-    spread: float
-    full_scale: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -191,7 +185,7 @@ def make_ground(skin: Skin, variant: Variant, *, rng: np.random.Generator) -> Gr
     bed = SpringBed(skin)
     spread, full = float(rng.uniform(*variant.spread)), _log_uniform(rng, variant.full_scale)
     foam = _log_uniform(rng, variant.foam)
-    return Ground(bed, variant, foam, bed.spread(spread) / full, spread, full)
+    return Ground(bed, variant, foam, bed.spread(spread) / full)
 
 
 def draw_people(
