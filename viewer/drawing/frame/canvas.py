@@ -197,8 +197,7 @@ class Canvas:
             self.touch_view.labels.forget()
             self.update(scene, step)
         window: Any = self.plotter.render_window
-        if samples:
-            window.SetMultiSamples(samples)
+        window.SetMultiSamples(samples)
         try:
             if samples:
                 self.cache.draw_all()
@@ -208,8 +207,7 @@ class Canvas:
             pixels = vtkUnsignedCharArray()
             window.GetPixelData(0, 0, width - 1, height - 1, 0, pixels, 0)
         finally:
-            if samples:
-                window.SetMultiSamples(0)
+            window.SetMultiSamples(0)
         picture = vtk_to_numpy(pixels).reshape(height, width, 3)[::-1]
         return np.ascontiguousarray(picture)
 
