@@ -304,18 +304,12 @@ def presser_axes(skin: Skin, taxel: int, angle: float) -> FloatArray:
     return np.asarray(np.array([[s, -c], [c, s]]) @ tangent_frames(skin.normals[taxel]))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Poses:
-    """Contact forces (k,) [N] and their places (k, 3) [m] in the poses of a touch."""
-
-    forces: FloatArray
-    centres: FloatArray
-
-
 def press_in_time(
     name: str, ground: Ground, person: Person, *, rate: float, rng: np.random.Generator
-) -> tuple[Laid, Poses] | None:
-    """A touch in time at a place drawn at random, and its forces; None where it does not fit.
+) -> tuple[Laid, FloatArray, FloatArray] | None:
+    """A touch in time at a place drawn at random; None where it does not fit.
+
+    Beside it the contact forces (k,) [N] and their places (k, 3) [m] in its poses.
 
     Quasi-static: in every pose the presser is pushed at the springs until it rests, and in between
     the loads are mixed. So foam and flesh are MuJoCo's, and nothing slips, drags or swings.
@@ -359,7 +353,7 @@ def press_in_time(
         if laid is not None:
             if gesture.other:  # both sides of a grip are one pose
                 forces, centres = [sum(forces[-2:])], [np.mean(centres[-2:], axis=0)]
-            return laid, Poses(np.array(forces), np.array(centres))
+            return laid, np.array(forces), np.array(centres)
     return None
 
 
@@ -400,13 +394,13 @@ class _Player(Plays):
         made = press_in_time(name, self._ground, person, rate=self.rate, rng=rng)
         if made is None:
             return False
-        laid, poses = made
+        laid, forces, centres = made
         tremor = 1.0 + TREMOR * rng.standard_normal((len(laid.weights), 1))
         weights = tremor * laid.weights
         whole = np.maximum(weights.sum(axis=1, keepdims=True), 1e-9)
-        centres = np.where(whole > 1e-6, weights / whole @ poses.centres, np.nan)
+        places = np.where(whole > 1e-6, weights / whole @ centres, np.nan)
         self.play(name, person.number, FULL_PRESSURE * (weights @ laid.loads), laid.motion)
-        self._know(weights @ poses.forces, centres)
+        self._know(weights @ forces, places)
         return True
 
     def touch(self, name: str, place: Place, person: Person) -> None:
