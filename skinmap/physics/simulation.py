@@ -87,12 +87,15 @@ class Ground:
         Stiffness of its foam per area [Pa/m].
     feel : (n, c) sparse
         Load of each taxel, 1 = a firm finger, for a newton on each spring.
+    full_scale : float
+        Pressure that a load of 1 in `feel` stands for [Pa].
     """
 
     bed: SpringBed
     variant: Variant
     foam: float
     feel: csr_array
+    full_scale: float
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -185,7 +188,7 @@ def make_ground(skin: Skin, variant: Variant, *, rng: np.random.Generator) -> Gr
     bed = SpringBed(skin)
     spread, full = float(rng.uniform(*variant.spread)), _log_uniform(rng, variant.full_scale)
     foam = _log_uniform(rng, variant.foam)
-    return Ground(bed, variant, foam, bed.spread(spread) / full)
+    return Ground(bed, variant, foam, bed.spread(spread) / full, full)
 
 
 def draw_people(
