@@ -5,8 +5,7 @@ from __future__ import annotations
 import json
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +13,9 @@ import numpy as np
 from skinmap.io.output import staged_folder
 from skinmap.io.recordings.touch_files import save_recordings
 from skinmap.neighbours.offsets import concatenate
-from skinmap.neighbours.structures import Structures, find_structures
+from skinmap.neighbours.structures import find_structures
 from skinmap.recognition.classifier import TouchClassifier, classifiers
-from skinmap.recognition.evaluate import Score, Split, score, split_touches
+from skinmap.recognition.evaluate import Score, score, split_touches
 from skinmap.recognition.model_file import save_classifier
 from skinmap.report.flat_figures import part_figure
 from skinmap.report.page import cards, grid, heading, media, note, page, save_figure
@@ -48,56 +47,51 @@ STEPS = 11  # progress steps beside those per part
 SHOWN = 6  # parts that are touched at most: more labels than that cannot be read
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class Analysis:
-    """All that the first run finds out."""
-
-    robot: Robot
-    skins: Mapping[str, PreparedSkin]
-    fits: Mapping[str, SkinFit]
-    plain: Structures
-    rotated: Structures
-    train_parts: tuple[str, ...]
-    split: Split
-    models: Mapping[str, TouchClassifier]
-    scores: Mapping[str, tuple[Score, Score]]
-
-
-def analyse(
-    robot: Robot, parts: Sequence[str], *, seed: int, advance: Callable[[str], None]
-) -> Analysis:
-    """Mesh, flatten, find structures, simulate, train and test; `advance` is called per step.
+    """All that the first run finds out: surfaces, maps, structures, touches and their names.
 
     Half of the kinds of parts are trained on and the other half only tested; a part and its
     mirror image are of one kind, so no twin of a tested part was ever seen.
+
+    Parameters
+    ----------
+    robot : Robot
+    parts : sequence of str
+    seed : int
+    advance : callable
+        Is called per step.
     """
-    draw, *streams = np.random.default_rng(seed).spawn(len(parts) + 1)
-    skins, fits, recordings = {}, {}, []
-    for part, rng in zip(parts, streams, strict=True):
-        advance(f"{part}: surface and flat map")
-        skin = robot.skin(part)
-        skins[part] = PreparedSkin(skin)
-        fits[part] = measure_fit(skin, robot.mesh_under(part))
-        _ = skins[part].flat
-        advance(f"{part}: touches")
-        recordings.append(simulate(skin, rng=rng, per_gesture=PER_GESTURE))
-    hoods = concatenate([skin.hoods for skin in skins.values()])
-    advance("structures")
-    plain = find_structures(hoods, rotations=1)
-    advance("structures with rotation")
-    rotated = find_structures(hoods, rotations=6)
-    trained = training_parts(parts)
-    split = split_touches(skins, recordings, trained, rng=draw)
-    models, scores = {}, {}
-    for method in METHODS:
-        advance(f"training: {method}")
-        models[method] = classifiers.get(method)().fit(split.train, rng=draw)
-        advance(f"testing: {method}")
-        scores[method] = (
-            score(models[method], split.same_parts),
-            score(models[method], split.other_parts),
-        )
-    return Analysis(robot, skins, fits, plain, rotated, trained, split, models, scores)
+
+    def __init__(
+        self, robot: Robot, parts: Sequence[str], *, seed: int, advance: Callable[[str], None]
+    ) -> None:
+        draw, *streams = np.random.default_rng(seed).spawn(len(parts) + 1)
+        self.robot, self.train_parts = robot, training_parts(parts)
+        self.skins: dict[str, PreparedSkin] = {}
+        self.fits: dict[str, SkinFit] = {}
+        recordings = []
+        for part, rng in zip(parts, streams, strict=True):
+            advance(f"{part}: surface and flat map")
+            skin = robot.skin(part)
+            self.skins[part] = PreparedSkin(skin)
+            self.fits[part] = measure_fit(skin, robot.mesh_under(part))
+            _ = self.skins[part].flat
+            advance(f"{part}: touches")
+            recordings.append(simulate(skin, rng=rng, per_gesture=PER_GESTURE))
+        hoods = concatenate([skin.hoods for skin in self.skins.values()])
+        advance("structures")
+        self.plain = find_structures(hoods, rotations=1)
+        advance("structures with rotation")
+        self.rotated = find_structures(hoods, rotations=6)
+        self.split = split = split_touches(self.skins, recordings, self.train_parts, rng=draw)
+        self.models: dict[str, TouchClassifier] = {}
+        self.scores: dict[str, tuple[Score, Score]] = {}
+        for method in METHODS:
+            advance(f"training: {method}")
+            model = classifiers.get(method)().fit(split.train, rng=draw)
+            advance(f"testing: {method}")
+            self.models[method] = model
+            self.scores[method] = score(model, split.same_parts), score(model, split.other_parts)
 
 
 def training_parts(parts: Sequence[str]) -> tuple[str, ...]:
@@ -182,7 +176,7 @@ def run_demo(
     """
     started = time.perf_counter()
     with staged_folder(out) as folder:
-        analysis = analyse(robot, parts, seed=seed, advance=advance)
+        analysis = Analysis(robot, parts, seed=seed, advance=advance)
         (folder / "flatmaps").mkdir()
         for part, skin in analysis.skins.items():
             advance(f"{part}: picture of the flat map")

@@ -651,10 +651,9 @@ class Pair:
 
     def on_one_scale(self, layer: Layer) -> Layer:
         """A layer of either side, with limits that hold those of both."""
-        sides = (
-            [] if layer.categories else [one.build(layer.name) for one in (self.left, self.right)]
-        )
-        limits = [one.limits for one in sides if one.unit == layer.unit] or [layer.limits]
+        sides = () if layer.categories else (self.left, self.right)
+        found = [one.build(layer.name) for one in sides]
+        limits = [one.limits for one in found if one.unit == layer.unit] or [layer.limits]
         return replace(layer, limits=(min(a for a, _ in limits), max(b for _, b in limits)))
 
     def touches(self, now: float) -> tuple[NamedTouch, ...]:

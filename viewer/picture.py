@@ -37,7 +37,7 @@ from viewer.playing.recent_moments import Excerpt
 from viewer.view_files import Wanted, write_files
 from viewer.view_options import Look, Session, new_scene
 from viewer.web.sample import pack_reel
-from viewer.web.scene_data import make_scene
+from viewer.web.scene_data import WebScene
 from viewer.window import SIZE, play
 
 # What is written for a suffix.
@@ -338,6 +338,6 @@ def _played(session: Session, layer: str, seconds: float | None) -> Cell:
     if not moments or now is None:
         raise InvalidArrayError(f"{session.source}: no sample to show")
     robot, skins = session.robot, session.skins
-    scene = make_scene(robot, skins)
+    scene = WebScene(robot, skins)
     reel = pack_reel(scene, Layers(skins), moments, now=now, layer=layer)
     return Cell(page(scene.packed, reel, robot.name), _still(robot, skins, layer, moments[now]))

@@ -32,10 +32,10 @@ from viewer.drawing.body.bare_body import posed
 from viewer.drawing.frame.camera import Framing, View
 from viewer.drawing.frame.canvas import TURN_STEP, Canvas, Drawing
 from viewer.drawing.panel.flat_panel import FlatPanel
-from viewer.drawing.skin.skin_layer import SkinLayer, build_layer
+from viewer.drawing.skin.skin_layer import SkinLayer
 from viewer.drawing.skin.taxel_drawing import check_style
 from viewer.drawing.touches.traces import (
-    COURSES,
+    PLOT_KINDS,
     SAMPLES,
     SECONDS,
     Plot,
@@ -146,7 +146,7 @@ class Scene:
         check_known("part with a surface mesh", shown, meshes)
         self.angles: Mapping[str, float] = dict(angles or {})
         self.poses = posed(robot, self.angles)
-        self.layers: dict[str, SkinLayer] = {part: build_layer(meshes[part]) for part in shown}
+        self.layers: dict[str, SkinLayer] = {part: SkinLayer(meshes[part]) for part in shown}
         if data is None:
             data = Layers({p: PreparedSkin.of(meshes[p], flat_maps.get(p)) for p in shown})
         self.data = data
@@ -311,8 +311,7 @@ class Scene:
         UnknownNameError
             Another plot.
         """
-        if plot not in ("taxels", *COURSES):
-            raise UnknownNameError("plot", plot, ("taxels", *COURSES))
+        check_known("plot", [plot], PLOT_KINDS)
         self.plot = plot
         self.canvas.changed = True
 

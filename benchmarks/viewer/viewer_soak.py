@@ -19,7 +19,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.layers import Layers
 from viewer.playing.player import Player
 from viewer.web.sample import SampleWriter
-from viewer.web.scene_data import make_scene
+from viewer.web.scene_data import WebScene
 from viewer.web.server import WebServer, serve
 
 PERIOD = 1.0 / 50.0  # of the samples [s]
@@ -227,6 +227,6 @@ def soak_page(updates: int) -> dict[str, Any]:
 def _same(server: WebServer, robot: Any, skins: dict[str, PreparedSkin]) -> bool:
     """Whether the last sample is written by a fresh writer to the same bytes."""
     hub = server.hub
-    fresh = SampleWriter(make_scene(robot, skins, links=[LINK]), Layers(skins))
+    fresh = SampleWriter(WebScene(robot, skins, links=[LINK]), Layers(skins))
     last, layer = hub._moment, Layers(skins).get("pressure")
     return hub._writer.write(last, layer, {}) == fresh.write(last, layer, {})

@@ -35,9 +35,7 @@ class Disc:
     @cached_property
     def inner(self) -> IntArray:
         """(k,) vertices that are not on the border."""
-        inside = np.ones(len(self.vertices), bool)
-        inside[self.loop] = False
-        return np.flatnonzero(inside)
+        return np.setdiff1d(np.arange(len(self.vertices)), self.loop)
 
     @cached_property
     def _corners(self) -> tuple[FloatArray, FloatArray]:

@@ -68,8 +68,7 @@ class Distortion(Summary):
     flips: int
 
     def __post_init__(self) -> None:
-        arrays = {name: getattr(self, name) for name in self.__slots__ if name != "flips"}
-        freeze(self, **arrays)
+        freeze(self)
 
     @property
     def edge_rms(self) -> float:

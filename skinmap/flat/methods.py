@@ -514,10 +514,7 @@ def _check_input(vertices: FloatArray, faces: IntArray, where: str) -> None:
         raise FlatteningError(f"{where} has no faces")
     check_points(vertices, f"vertices of {where}")
     check_faces(faces, len(vertices))
-    used = np.zeros(len(vertices), bool)
-    used[faces] = True
-    if not used.all():
-        raise InvalidMeshError(
-            f"vertex {int(np.argmin(used))} belongs to no face of {where}: drop it first"
-        )
+    unused = np.setdiff1d(np.arange(len(vertices)), faces)
+    if len(unused):
+        raise InvalidMeshError(f"vertex {unused[0]} belongs to no face of {where}: drop it first")
     check_surface(faces)

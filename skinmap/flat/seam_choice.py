@@ -20,10 +20,11 @@ Kaufman, Kim, Solomon and Sheffer, "OptCuts", ACM Transactions on Graphics 37(6)
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import combinations, product
+from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array, diags_array
@@ -86,10 +87,7 @@ def seam_of_touches(
     faces: IntArray,
     touches: Sequence[IntArray],
     edge_error: Callable[[CutMesh], float],
-    *,
-    hole_share: float,
-    bulge: float = np.inf,
-    avoid: IntArray | None = None,
+    **opening: Any,
 ) -> tuple[CutMesh, Divided]:
     """The cut that opens a connected surface and divides the fewest touches, and how many.
 
@@ -103,12 +101,10 @@ def seam_of_touches(
     edge_error : callable
         Edge error of the flat map of a cut surface, 0.01 for 1 %: no cut that costs more than
         half a percentage point beside the shortest is taken.
-    hole_share, bulge : float
-        As for `open_surface`.
-    avoid : (k,) array of int, optional
-        Vertices that seams keep away from where there is another way.
+    opening
+        Of the arguments of `open_surface`: `hole_share`, `bulge` and `avoid`.
     """
-    plain = open_surface(vertices, faces, hole_share=hole_share, bulge=bulge, avoid=avoid)
+    plain = open_surface(vertices, faces, **opening)
     own = [touch for touch in touches if len(touch)]
     if len(plain.origin) == len(vertices) or not own:
         return plain, Divided(len(own), 0, 0, float("nan"))
@@ -118,7 +114,7 @@ def seam_of_touches(
     def is_faithful(cut: CutMesh) -> bool:
         return edge_error(cut) <= limit
 
-    surface = _Surface(vertices, faces, hole_share, bulge, avoid, plain, is_faithful)
+    surface = _Surface(vertices, faces, opening, plain, is_faithful)
     before, after = surface.held_out(own)
     shortest = divided_touches(plain.faces, plain.origin, own)
     gain = 1.0 - after / before if before else float("nan")
@@ -133,9 +129,7 @@ class _Surface:
 
     vertices: FloatArray
     faces: IntArray
-    hole_share: float
-    bulge: float
-    avoid: IntArray | None
+    opening: Mapping[str, Any]
     plain: CutMesh
     is_faithful: Callable[[CutMesh], bool]
 
@@ -166,16 +160,8 @@ class _Surface:
             slits += self._far_pairs()
         seen: set[bytes] = set()
         for floor, slit in product(FLOORS, slits):
-            cut = open_surface(
-                self.vertices,
-                self.faces,
-                hole_share=self.hole_share,
-                bulge=self.bulge,
-                avoid=self.avoid,
-                touched=often,
-                untouched=floor,
-                slit=slit,
-            )
+            how = {**self.opening, "touched": often, "untouched": floor, "slit": slit}
+            cut = open_surface(self.vertices, self.faces, **how)
             if (key := cut.faces.tobytes()) not in seen:
                 seen.add(key)
                 yield cut
@@ -183,12 +169,9 @@ class _Surface:
     def _far_pairs(self) -> list[tuple[int, int]]:
         ends = far_ends(self.vertices, self.faces, *range(FAR_ENDS))
         pairs = list(combinations(dict.fromkeys(ends), 2))[1:]  # the first two are the usual ones
-        apart = {
-            pair: float(np.linalg.norm(self.vertices[pair[0]] - self.vertices[pair[1]]))
-            for pair in pairs
-        }
-        least = FAR * max(apart.values(), default=0.0)
-        return [pair for pair in pairs if apart[pair] >= least]
+        apart = pair_lengths(self.vertices, np.array(pairs, np.int64).reshape(-1, 2))
+        far = apart >= FAR * apart.max(initial=0.0)
+        return [pair for pair, kept in zip(pairs, far, strict=True) if kept]
 
     def _smoothed(self, counts: FloatArray) -> FloatArray:
         """Counts (n,) spread to the neighbours once: few touches say what others will do."""
@@ -265,8 +248,7 @@ def _tips(vertices: FloatArray, now: _Laid, count: int) -> list[list[int]]:
     own, faces = vertices[now.cut.origin], now.cut.faces
     size = float(np.ptp(own, axis=0).max())
     loops = loops_by_length(own, faces)
-    inside = np.ones(len(own), bool)
-    inside[np.concatenate(loops)] = False
+    inside = ~np.isin(np.arange(len(own)), np.concatenate(loops))
     if not inside.any():
         return []
     found = measure_distortion(own, faces, now.flat.uv)

@@ -399,8 +399,7 @@ def _spanning(n: int, sides: IntArray, weight: FloatArray) -> BoolArray:
     from scipy.sparse.csgraph import minimum_spanning_tree
 
     # Ranks are distinct, so that the tree names its edges; of parallel ones the first stays.
-    rank = np.empty(len(weight), np.int64)
-    rank[np.argsort(-weight, kind="stable")] = np.arange(1, len(weight) + 1)
+    rank = 1 + np.argsort(np.argsort(-weight, kind="stable"))
     low, high = sides.min(axis=1), sides.max(axis=1)
     order = np.lexsort((rank, high, low))
     repeated = np.zeros(len(order), bool)
@@ -408,12 +407,6 @@ def _spanning(n: int, sides: IntArray, weight: FloatArray) -> BoolArray:
     single = order[~repeated]
     graph = csr_array((rank[single].astype(float), (low[single], high[single])), shape=(n, n))
     return np.isin(rank, minimum_spanning_tree(graph).data.astype(np.int64))
-
-
-def _in_order(matrix: csr_array) -> csr_array:
-    ordered = csr_array(matrix)
-    ordered.sort_indices()
-    return ordered
 
 
 def _graph(n: int, pairs: IntArray, cost: FloatArray) -> csr_array:
@@ -491,7 +484,7 @@ def divided_touches(faces: IntArray, origin: IntArray, touches: Sequence[IntArra
     pairs = edges(faces)
     ends = [number[pairs[:, side]] for side in (0, 1)]
     both = ends[0].astype(bool).multiply(ends[1].astype(bool))
-    joined = [np.asarray(_in_order(end.multiply(both)).data) - 1 for end in ends]
+    joined = [csr_array(end.multiply(both)).sorted_indices().data - 1 for end in ends]
     graph = coo_array((np.ones(len(joined[0])), joined), shape=(nodes.nnz,) * 2)
     _, piece = connected_components(graph, directed=False)
     vertex, touch = nodes.coords

@@ -7,15 +7,18 @@ within a reach: a matching is one-to-one by construction, whatever the reach.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.geometry.rigid import plane_turns
 from skinmap.neighbours.offsets import Neighbourhoods, ramp
 from skinmap.numba_loops import compiled as compiled_loop
 from skinmap.numba_loops import pays
+
+ARRAYS = ("offsets", "filled", "required")  # of prototypes
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -41,30 +44,22 @@ class Prototypes:
     rotations: int
 
     def __post_init__(self) -> None:
-        freeze(self, offsets=self.offsets, filled=self.filled, required=self.required)
+        freeze(self)
 
     def __len__(self) -> int:
         return len(self.offsets)
 
     def take(self, chosen: IntArray) -> Prototypes:
         """Some of the prototypes, in the order asked for."""
-        return Prototypes(
-            self.offsets[chosen],
-            self.filled[chosen],
-            self.required[chosen],
-            self.tolerance,
-            self.rotations,
-        )
+        arrays: dict[str, Any] = {name: getattr(self, name)[chosen] for name in ARRAYS}
+        return replace(self, **arrays)
 
     def joined(self, other: Prototypes) -> Prototypes:
         """These and others of the same tolerance, rotations and number of places."""
-        return Prototypes(
-            np.concatenate([self.offsets, other.offsets]),
-            np.concatenate([self.filled, other.filled]),
-            np.concatenate([self.required, other.required]),
-            self.tolerance,
-            self.rotations,
-        )
+        both: dict[str, Any] = {
+            name: np.concatenate([getattr(self, name), getattr(other, name)]) for name in ARRAYS
+        }
+        return replace(self, **both)
 
 
 def as_prototypes(
@@ -72,20 +67,17 @@ def as_prototypes(
 ) -> Prototypes:
     """Some neighbourhoods as prototypes, their points clockwise from twelve o'clock."""
     offsets, filled, required = hoods.offsets[rows], hoods.filled[rows], hoods.required[rows]
-    order = clockwise(offsets, filled)
-    return Prototypes(
-        np.take_along_axis(offsets, order[..., None], 1),
-        np.take_along_axis(filled, order, 1),
-        np.take_along_axis(required, order, 1),
-        tolerance,
-        rotations,
-    )
+    return Prototypes(*clockwise(offsets, filled, required), tolerance, rotations)
 
 
-def clockwise(offsets: FloatArray, filled: BoolArray) -> IntArray:
-    """(s, k) order of places clockwise from twelve o'clock, empty ones last."""
+def clockwise(
+    offsets: FloatArray, filled: BoolArray, required: BoolArray
+) -> tuple[FloatArray, BoolArray, BoolArray]:
+    """Places (s, k, 2) with their flags (s, k), clockwise from twelve o'clock, empty ones last."""
     angle = np.mod(np.arctan2(offsets[..., 0], offsets[..., 1]), 2.0 * np.pi)
-    return np.argsort(np.where(filled, angle, np.inf), axis=1, kind="stable")
+    order = np.argsort(np.where(filled, angle, np.inf), axis=1, kind="stable")
+    filled, required = (np.take_along_axis(one, order, 1) for one in (filled, required))
+    return np.take_along_axis(offsets, order[..., None], 1), filled, required
 
 
 PAYS = 20_000_000  # combinations; below, the import of numba costs more than it saves
@@ -97,13 +89,15 @@ TRIPLES = 16384  # neighbourhood, prototype and rotation that are matched at a t
 MARGIN = 1e-9  # a cost must be lower by this to count as lower: ties do not hang on rounding
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class View:
     """Neighbourhoods made ready to be matched, once for many prototypes.
 
-    Attributes
+    Parameters
     ----------
     hoods : Neighbourhoods
+
+    Attributes
+    ----------
     filled : (n, k) bool
     held, needed : (n,) int
         How many neighbours there are, and how many of them must have a place.
@@ -113,30 +107,22 @@ class View:
         A bit for each cell of a coarse raster that holds a neighbour.
     """
 
-    hoods: Neighbourhoods
-    filled: BoolArray
-    held: IntArray
-    needed: IntArray
-    weight: FloatArray
-    raster: np.ndarray
+    def __init__(self, hoods: Neighbourhoods) -> None:
+        self.hoods, self.filled, self.weight = hoods, hoods.filled, hoods.weight
+        self.held, self.needed = self.filled.sum(axis=1), hoods.required.sum(axis=1)
+        self.raster = _occupancy(hoods, self.filled)
 
 
-def view(hoods: Neighbourhoods) -> View:
-    """Neighbourhoods ready to be matched."""
-    filled = hoods.filled
-    return View(
-        hoods,
-        filled,
-        filled.sum(axis=1),
-        hoods.required.sum(axis=1),
-        hoods.weight,
-        _occupancy(hoods, filled),
-    )
-
-
-@dataclass(frozen=True, eq=False, slots=True)
 class Matcher:
     """Prototypes made ready to be matched with neighbourhoods of one radius.
+
+    Parameters
+    ----------
+    shapes : Prototypes
+    hoods : Neighbourhoods
+        Of that radius.
+    reach : float
+        Between points that match [m].
 
     Attributes
     ----------
@@ -149,37 +135,18 @@ class Matcher:
         What a place that stays empty costs.
     masks : (s, t, k, w) uint64
         Cells of the raster that a neighbour within reach of a place may lie in.
-    reach : float
-        [m].
     """
 
-    offsets: FloatArray
-    count: IntArray
-    needed: IntArray
-    required: BoolArray
-    weight: FloatArray
-    masks: np.ndarray
-    reach: float
-
-
-def matcher(shapes: Prototypes, hoods: Neighbourhoods, *, reach: float) -> Matcher:
-    """Prototypes ready to be matched with neighbourhoods, points within `reach` [m]."""
-    turns = np.arange(shapes.rotations) * (2.0 * np.pi / shapes.rotations)
-    c, s = np.cos(turns), np.sin(turns)
-    spin = np.stack([np.stack([c, s], 1), np.stack([-s, c], 1)], 1)  # row vectors, to the left
-    turned = np.einsum("ski,tij->stkj", shapes.offsets, spin)
-    length = np.linalg.norm(shapes.offsets, axis=2)
-    weight = np.where(shapes.filled, ramp(length, hoods.radius, hoods.band), 0.0)
-    weight = np.where(shapes.required, 1.0, weight)
-    return Matcher(
-        np.ascontiguousarray(turned),
-        shapes.filled.sum(axis=1),
-        (shapes.filled & shapes.required).sum(axis=1),
-        shapes.required & shapes.filled,
-        weight,
-        _masks(turned, hoods.radius + hoods.band, reach),
-        reach,
-    )
+    def __init__(self, shapes: Prototypes, hoods: Neighbourhoods, *, reach: float) -> None:
+        turns = np.arange(shapes.rotations, dtype=np.float64) * (2.0 * np.pi / shapes.rotations)
+        turned = np.einsum("ski,tji->stkj", shapes.offsets, plane_turns(turns))
+        self.offsets = np.ascontiguousarray(turned)
+        self.required = shapes.required & shapes.filled
+        self.count, self.needed = shapes.filled.sum(axis=1), self.required.sum(axis=1)
+        length = np.linalg.norm(shapes.offsets, axis=2)
+        weight = np.where(shapes.filled, ramp(length, hoods.radius, hoods.band), 0.0)
+        self.weight = np.where(shapes.required, 1.0, weight)
+        self.masks, self.reach = _masks(turned, hoods.radius + hoods.band, reach), reach
 
 
 def match_costs(

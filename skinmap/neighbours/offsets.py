@@ -19,6 +19,7 @@ from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.log_maps import log_map
 from skinmap.geometry.proximity import edge_graph, median_spacing
 from skinmap.geometry.rigid import tangent_frames
+from skinmap.geometry.topology import half_edges
 from skinmap.geometry.triangles import cross_products, pair_lengths, unit
 from skinmap.surface.surface_mesh import SurfaceMesh
 
@@ -339,8 +340,7 @@ def geodesic_neighbourhoods(
     band = _usual_band(radius) if band is None else band
     points, normals = mesh.vertices, mesh.skin.normals
     frames = np.stack(reference_frames(normals, reference), axis=1)
-    edges = np.concatenate([mesh.faces[:, [0, 1]], mesh.faces[:, [1, 2]], mesh.faces[:, [2, 0]]])
-    graph = edge_graph(points, edges)
+    graph = edge_graph(points, half_edges(mesh.faces))
     # No way along the skin is shorter than the straight line: all neighbours are among these.
     pairs = cKDTree(points).query_pairs(radius + band, output_type="ndarray")
     source, target = np.concatenate([pairs, pairs[:, ::-1]]).T

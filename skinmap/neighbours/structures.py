@@ -25,14 +25,13 @@ from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import plane_turns
 from skinmap.neighbours.matching import (
     MARGIN,
+    Matcher,
     Prototypes,
     View,
     as_prototypes,
     clockwise,
     match_costs,
-    matcher,
     pairing,
-    view,
 )
 from skinmap.neighbours.offsets import (
     LATTICE,
@@ -291,7 +290,7 @@ def find_structures(
         raise InvalidArrayError(
             f"tolerance must be above 0 and rotations 1, 4 or 6, got {tolerance} and {rotations}"
         )
-    order, seen = _canonical_order(hoods), view(hoods)
+    order, seen = _canonical_order(hoods), View(hoods)
     none = as_prototypes(hoods, order[:0], tolerance=tolerance, rotations=rotations)
     shapes, left = _cover(seen, order, none, compiled)
     if len(shapes):
@@ -413,7 +412,7 @@ def assign(
     >>> bool((assign(skin.hoods, found.prototypes).labels == found.labels).mean() > 0.9)
     True
     """
-    return _assigned(view(hoods), prototypes, compiled)
+    return _assigned(View(hoods), prototypes, compiled)
 
 
 def _assigned(seen: View, prototypes: Prototypes, compiled: bool | None) -> Structures:
@@ -423,7 +422,7 @@ def _assigned(seen: View, prototypes: Prototypes, compiled: bool | None) -> Stru
     step = max(1, PAIRS // neighbours[:1].size // max(hoods.index.shape[1], 1))
     tolerance = prototypes.tolerance
     for reach, rms in ((tolerance, tolerance), (STRAY * tolerance, tolerance / STRAY)):
-        ready = matcher(prototypes, hoods, reach=reach)
+        ready = Matcher(prototypes, hoods, reach=reach)
         waiting = np.flatnonzero(labels < 0)
         for start in range(0, len(waiting), step):
             rows = waiting[start : start + step]
@@ -479,7 +478,7 @@ def _cover(
             break
         candidates, columns = _sampled(uncovered, CANDIDATES), _sampled(uncovered, COLUMNS)
         pool = as_prototypes(hoods, candidates, tolerance=tolerance, rotations=rotations)
-        ready = matcher(pool, hoods, reach=tolerance)
+        ready = Matcher(pool, hoods, reach=tolerance)
         cost, _, _ = match_costs(seen, columns, ready, compiled=compiled)
         matches = np.isfinite(cost).astype(np.int64)
         free = np.ones(len(columns), np.int64)
@@ -495,11 +494,9 @@ def _cover(
                 members, found = _members(seen, uncovered, shape, compiled)
                 shape = _refined(hoods, shape, members, found)
             members, _ = _members(seen, uncovered, shape, compiled)
-            covered = np.zeros(len(hoods), bool)
-            covered[members] = True
-            covered[columns[matches[:, best] > 0]] = True
-            uncovered = uncovered[~covered[uncovered]]
-            free[covered[columns]] = 0
+            covered = np.union1d(members, columns[matches[:, best] > 0])
+            uncovered = uncovered[~np.isin(uncovered, covered)]
+            free[np.isin(columns, covered)] = 0
             shapes = shapes.joined(shape)
         if every:
             break
@@ -517,7 +514,7 @@ def _members(
     seen: View, rows: IntArray, shape: Prototypes, compiled: bool | None
 ) -> tuple[IntArray, tuple[IntArray, IntArray]]:
     """Rows that match a single prototype, with their rotation (m,) and partners (m, k)."""
-    ready = matcher(shape, seen.hoods, reach=shape.tolerance)
+    ready = Matcher(shape, seen.hoods, reach=shape.tolerance)
     cost, _, turn = match_costs(seen, rows, ready, compiled=compiled)
     hit = np.flatnonzero(np.isfinite(cost[:, 0]))
     turns = turn[hit, 0]
@@ -549,14 +546,7 @@ def _refined(
     filled = (shape.filled[0] & (present >= RARELY))[None]
     required = (2 * sure.sum(axis=0) > np.maximum(number, 1))[None] & filled
     offsets = np.where(filled[..., None], mean, 0.0)
-    order = clockwise(offsets, filled)
-    return Prototypes(
-        np.take_along_axis(offsets, order[..., None], 1),
-        np.take_along_axis(filled, order, 1),
-        np.take_along_axis(required, order, 1),
-        shape.tolerance,
-        shape.rotations,
-    )
+    return Prototypes(*clockwise(offsets, filled, required), shape.tolerance, shape.rotations)
 
 
 def _settled(seen: View, shapes: Prototypes, compiled: bool | None) -> Prototypes:
@@ -589,8 +579,8 @@ def _matches_any(shape: Prototypes, others: Prototypes, hoods: Neighbourhoods) -
     """Whether one prototype lies within the tolerance of any of some others."""
     index = np.where(shape.filled, np.arange(shape.filled.shape[1]), -1)
     alike = Neighbourhoods(index, shape.offsets, shape.required, hoods.radius, hoods.band)
-    ready = matcher(others, alike, reach=shape.tolerance)
-    return bool(np.isfinite(match_costs(view(alike), np.zeros(1, np.int64), ready)[0]).any())
+    ready = Matcher(others, alike, reach=shape.tolerance)
+    return bool(np.isfinite(match_costs(View(alike), np.zeros(1, np.int64), ready)[0]).any())
 
 
 def _by_frequency(found: Structures) -> Structures:

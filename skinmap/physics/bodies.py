@@ -16,7 +16,7 @@ import numpy as np
 
 from skinmap.arrays import FloatArray
 from skinmap.physics.variants import Variant
-from skinmap.touch.simulation.hands import STIFF, THINGS, Body, Draw
+from skinmap.touch.simulation.hands import STIFF, THINGS, Body, Draw, pair
 
 Point = tuple[float, float, float]
 PHALANGES = (44e-3, 26e-3, 18e-3)  # from the knuckle to the tip, of an index finger [m]
@@ -206,7 +206,7 @@ def _pressed(name: str) -> Pressing:
         if bodies[0].stiffness < STIFF and len(bodies) > 1:
             mounts = [
                 Mount(
-                    _pair(body.middle - middle),
+                    pair(body.middle - middle),
                     Piece((_capsule(body, body.middle),)),
                     push * body.force,
                     tilt=0.05,
@@ -225,10 +225,6 @@ def _capsule(body: Body, middle: FloatArray) -> Capsule:
     """A body around its own middle; all of one piece reach as far towards the skin."""
     (ax, ay), (bx, by) = np.subtract(body.start, middle), np.subtract(body.end, middle)
     return Capsule((ax, ay, body.radius), (bx, by, body.radius), body.radius)
-
-
-def _pair(point: FloatArray) -> tuple[float, float]:
-    return float(point[0]), float(point[1])
 
 
 PRESSERS: dict[str, Pressing] = {

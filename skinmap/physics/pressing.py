@@ -24,6 +24,7 @@ from scipy.spatial.transform import Rotation
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import InvalidMeshError, MissingLibraryError
 from skinmap.geometry.proximity import bridged_graph, median_spacing
+from skinmap.geometry.rigid import rigid_transform
 from skinmap.geometry.triangles import face_areas, face_normals, unit
 from skinmap.physics.bodies import Mount, Piece, Presser
 from skinmap.skin.skin import Skin
@@ -34,13 +35,17 @@ PAD = 2e-3  # radius of a taxel's electrode [m], 4 mm wide as the iCub's
 REACH = 3.0  # the spread of the foam is followed so many standard deviations
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class SpringBed:
-    """c springs on the surface mesh of a skin.
+    """c springs on the surface mesh of a skin: middles of its triangles, each split alike.
+
+    Parameters
+    ----------
+    skin : Skin
+    mesh : SurfaceMesh, optional
+        Its own by default.
 
     Attributes
     ----------
-    skin : Skin
     places, normals : (c, 3) float
         Where springs stand [m] and their outward directions.
     area : float
@@ -49,14 +54,27 @@ class SpringBed:
         Steps between taxels along the skin [m].
     spacing : float
         Of the taxels, median [m].
+
+    Raises
+    ------
+    InvalidMeshError
+        Taxels that make no surface.
     """
 
-    skin: Skin
-    places: FloatArray
-    normals: FloatArray
-    area: float
-    graph: csr_array
-    spacing: float
+    def __init__(self, skin: Skin, mesh: SurfaceMesh | None = None) -> None:
+        self.skin, self.spacing = skin, median_spacing(skin.positions)
+        faces = (build_surface(skin) if mesh is None else mesh).faces
+        if len(faces) == 0:
+            raise InvalidMeshError(
+                f"the taxels of {skin.part!r} lie in a row: no surface to press on"
+            )
+        weights = _middles(max(1, round(self.spacing / CELL)))
+        middles = np.einsum("kc,fcd->fkd", weights, skin.positions[faces])
+        self.places = middles.reshape(-1, 3)
+        normals = unit(face_normals(skin.positions, faces))
+        self.normals = np.repeat(normals, len(weights), axis=0)
+        self.area = float(face_areas(skin.positions, faces).sum()) / len(self.places)
+        self.graph = bridged_graph(skin.positions, 10, 2.5 * self.spacing)
 
     def spread(self, sigma: float) -> csr_array:
         """(n, c) pressure [Pa] on each taxel for a newton on each spring.
@@ -75,32 +93,6 @@ class SpringBed:
         facing = np.einsum("ij,ij->i", self.skin.normals[rows], self.normals[columns]) > 0.0
         shape = (len(self.skin), len(self.places))
         return csr_array((weight * facing, (rows, columns)), shape=shape)
-
-
-def spring_bed(skin: Skin, mesh: SurfaceMesh | None = None) -> SpringBed:
-    """The springs of a skin: the middles of its triangles, each split alike into s * s.
-
-    Raises
-    ------
-    InvalidMeshError
-        Taxels that make no surface.
-    """
-    mesh = build_surface(skin) if mesh is None else mesh
-    spacing = median_spacing(skin.positions)
-    if len(mesh.faces) == 0:
-        raise InvalidMeshError(f"the taxels of {skin.part!r} lie in a row: no surface to press on")
-    corners = skin.positions[mesh.faces]
-    weights = _middles(max(1, round(spacing / CELL)))
-    places = np.einsum("kc,fcd->fkd", weights, corners).reshape(-1, 3)
-    normals = unit(face_normals(skin.positions, mesh.faces))
-    return SpringBed(
-        skin,
-        places,
-        np.repeat(normals, len(weights), axis=0),
-        float(face_areas(skin.positions, mesh.faces).sum()) / len(places),
-        bridged_graph(skin.positions, 10, 2.5 * spacing),
-        spacing,
-    )
 
 
 def _middles(splits: int) -> FloatArray:
@@ -335,10 +327,9 @@ def _model(
     presser: Presser, frames: FloatArray, places: FloatArray, friction: float, step: float
 ) -> str:
     """The MJCF of a presser above its springs."""
-    bodies: list[str] = []
     motors: list[str] = []
-    for number, (mount, frame) in enumerate(zip(presser.mounts, frames, strict=True)):
-        bodies.append(_mount(mount, number, frame, step, motors))
+    pairs = zip(presser.mounts, frames, strict=True)
+    bodies = [_mount(mount, k, frame, step, motors) for k, (mount, frame) in enumerate(pairs)]
     points = "".join(
         f'<geom type="sphere" size="{POINT}" pos="{x:.6f} {y:.6f} {z:.6f}"/>'
         for x, y, z in places.tolist()
@@ -439,9 +430,6 @@ def _text(values: Any) -> str:
 
 def mount_frame(place: FloatArray, normal: FloatArray, along: FloatArray) -> FloatArray:
     """T_link_mount (4, 4) at a place, z along the normal and x nearest to a direction."""
-    frame = np.eye(4)
-    frame[:3, 2] = unit(normal)
-    frame[:3, 0] = unit(along - (along @ frame[:3, 2]) * frame[:3, 2])
-    frame[:3, 1] = np.cross(frame[:3, 2], frame[:3, 0])
-    frame[:3, 3] = place
-    return frame
+    up = unit(normal)
+    ahead = unit(along - (along @ up) * up)
+    return rigid_transform(np.column_stack([ahead, np.cross(up, ahead), up]), place)

@@ -20,12 +20,13 @@ from scipy.spatial.transform import Rotation
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.errors import DataFormatError, MissingFileError, SkinMismatchError, check_known
 from skinmap.geometry.proximity import median_spacing
-from skinmap.geometry.rigid import rigid_fit, transform_points
+from skinmap.geometry.rigid import rigid_fit, rigid_transform, transform_points
 from skinmap.physics.bodies import PRESSERS, Presser
 from skinmap.physics.pressing import full_forces, import_mujoco, pressers_xml, soften
 from skinmap.physics.variants import DEFAULT, VARIANTS
 from skinmap.skin.robot import Robot
 from skinmap.skin.skin import Skin
+from skinmap.touch.simulation.gestures import FOUR
 
 RATE = 50.0  # least samples a second
 SPREAD = 3.5e-3  # of the foam and of a fingertip between taxels [m]
@@ -33,7 +34,6 @@ FIRM = 32e3  # pressure of a load of 1, a firm finger [Pa]
 SPRING = 80.0  # of a presser's contact, at first [N/m]
 PARKED = 50.0  # height at which pressers wait [m]
 PREFIX = "presser "
-FOUR = tuple(PRESSERS)[:4]
 
 
 class RobotModel:
@@ -139,10 +139,8 @@ class RobotModel:
 
     def link_pose(self, part: int) -> FloatArray:
         """T_world_link (4, 4) of the link that carries a part."""
-        body = self.data.xpos[self._skins[part].body], self.data.xmat[self._skins[part].body]
-        pose = np.eye(4)
-        pose[:3, 3], pose[:3, :3] = body[0], body[1].reshape(3, 3)
-        return pose
+        body = self._skins[part].body
+        return rigid_transform(self.data.xmat[body].reshape(3, 3), self.data.xpos[body])
 
     @property
     def motor_count(self) -> int:

@@ -23,34 +23,28 @@ from skinmap.physics.pressing import (
     import_mujoco,
     mount_frame,
     press,
-    spring_bed,
 )
 from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
 from skinmap.skin.skin import Skin
 from skinmap.touch.recording import Recording
 from skinmap.touch.simulation import moving_touches
-from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN, TIME
+from skinmap.touch.simulation.gestures import FOUR, LONG_ON_SKIN, ON_SKIN, TIME
 from skinmap.touch.simulation.hands import OBLIQUE, Draw
 from skinmap.touch.simulation.moving_touches import TIME_GESTURES, Laid, Timing, lay
-from skinmap.touch.simulation.simulator import Plays
+from skinmap.touch.simulation.simulator import MISSES, SUBJECTS, TRIES, Plays
 from skinmap.touch.simulation.variety import (
-    ALL_HANDS,
     FULL_SCALE,
     HABITS,
-    HAND,
     LEANS,
     Sensing,
     Sensors,
     Subject,
     beyond,
+    hand_sizes,
     happens,
     on_skin_of,
 )
 
-FOUR = tuple(PRESSERS)[:4]
-SUBJECTS = 10
-TRIES = 60  # places tried for one touch
-MISSES = 3  # touches that found no place before the part counts as too small for the gesture
 AROUND = 5  # taxels whose normals an arm comes in along
 LIFT = 0.06  # time in which a presser leaves the skin [s]
 FURTHER = 0.25  # spread of forces more at a variety of 2, as a logarithm
@@ -93,8 +87,6 @@ class Ground:
         Stiffness of its foam per area [Pa/m].
     feel : (n, c) sparse
         Load of each taxel, 1 = a firm finger, for a newton on each spring.
-    spread : float
-        How far the foam spreads a pressure, standard deviation [m].
     full_scale : float
         Pressure that a load of 1 in `feel` stands for [Pa].
     """
@@ -103,7 +95,6 @@ class Ground:
     variant: Variant
     foam: float
     feel: csr_array
-    spread: float
     full_scale: float
 
 
@@ -194,22 +185,21 @@ def simulate(
 
 def make_ground(skin: Skin, variant: Variant, *, rng: np.random.Generator) -> Ground:
     """Draw the foam of a skin, and find how its taxels feel the springs."""
-    bed = spring_bed(skin)
+    bed = SpringBed(skin)
     spread, full = float(rng.uniform(*variant.spread)), _log_uniform(rng, variant.full_scale)
     foam = _log_uniform(rng, variant.foam)
-    return Ground(bed, variant, foam, bed.spread(spread) / full, spread, full)
+    return Ground(bed, variant, foam, bed.spread(spread) / full, full)
 
 
 def draw_people(
     count: int, variant: Variant, *, rng: np.random.Generator, further: float = 0.0
 ) -> tuple[Person, ...]:
     """People with hands from child to adult, and `further` people from 0 to 1 beside these."""
-    low, high = HAND
-    low, high = low - further * (low - ALL_HANDS[0]), high + further * (ALL_HANDS[1] - high)
+    sizes = hand_sizes(further)
     return tuple(
         Person(
             number,
-            float(rng.uniform(low, high)),
+            float(rng.uniform(*sizes)),
             _log_uniform(rng, variant.flesh),
             float(np.exp(rng.normal(-0.3 * further, 0.2 + 0.2 * further))),
         )
@@ -317,18 +307,12 @@ def presser_axes(skin: Skin, taxel: int, angle: float) -> FloatArray:
     return np.asarray(np.array([[s, -c], [c, s]]) @ tangent_frames(skin.normals[taxel]))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Poses:
-    """Contact forces (k,) [N] and their places (k, 3) [m] in the poses of a touch."""
-
-    forces: FloatArray
-    centres: FloatArray
-
-
 def press_in_time(
     name: str, ground: Ground, person: Person, *, rate: float, rng: np.random.Generator
-) -> tuple[Laid, Poses] | None:
-    """A touch in time at a place drawn at random, and its forces; None where it does not fit.
+) -> tuple[Laid, FloatArray, FloatArray] | None:
+    """A touch in time at a place drawn at random; None where it does not fit.
+
+    Beside it the contact forces (k,) [N] and their places (k, 3) [m] in its poses.
 
     Quasi-static: in every pose the presser is pushed at the springs until it rests, and in between
     the loads are mixed. So foam and flesh are MuJoCo's, and nothing slips, drags or swings.
@@ -372,7 +356,7 @@ def press_in_time(
         if laid is not None:
             if gesture.other:  # both sides of a grip are one pose
                 forces, centres = [sum(forces[-2:])], [np.mean(centres[-2:], axis=0)]
-            return laid, Poses(np.array(forces), np.array(centres))
+            return laid, np.array(forces), np.array(centres)
     return None
 
 
@@ -413,13 +397,13 @@ class _Player(Plays):
         made = press_in_time(name, self._ground, person, rate=self.rate, rng=rng)
         if made is None:
             return False
-        laid, poses = made
+        laid, forces, centres = made
         tremor = 1.0 + TREMOR * rng.standard_normal((len(laid.weights), 1))
         weights = tremor * laid.weights
         whole = np.maximum(weights.sum(axis=1, keepdims=True), 1e-9)
-        centres = np.where(whole > 1e-6, weights / whole @ poses.centres, np.nan)
+        places = np.where(whole > 1e-6, weights / whole @ centres, np.nan)
         self.play(name, person.number, FULL_PRESSURE * (weights @ laid.loads), laid.motion)
-        self._know(weights @ poses.forces, centres)
+        self._know(weights @ forces, places)
         return True
 
     def touch(self, name: str, place: Place, person: Person) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -24,9 +23,18 @@ OFF_SCALE = 0.15  # boards are cut and bent, but not by so much of the layout's 
 NEAR = 0.5  # of a module's side: a frame this near to a module is that module's
 
 
-@dataclass(frozen=True, slots=True)
 class ModuleCheck:
-    """What is odd about the modules of a part.
+    """What is odd about the modules of a part, beside their layout and frames from the body.
+
+    Parameters
+    ----------
+    table : TaxelTable
+        In the frame of its link.
+    skin : Skin
+        The same taxels with repaired normals.
+    layout : ModuleLayout
+    frames : mapping of int to (4, 4) array
+        T_link_module; empty where the body has none.
 
     Attributes
     ----------
@@ -47,53 +55,25 @@ class ModuleCheck:
         neighbouring modules tells it [m]; NaN where unknown.
     """
 
-    missing: tuple[int, ...]
-    swapped: Mapping[int, int]
-    rotated: tuple[int, ...]
-    mirrored: tuple[int, ...]
-    misfit: tuple[int, ...]
-    modules: int
-    scale: float
-    pitch: float
-    side: float
-
-
-def check_modules(
-    table: TaxelTable, skin: Skin, layout: ModuleLayout, frames: Mapping[int, FloatArray]
-) -> ModuleCheck:
-    """Compare the modules of a table with their layout and with frames from the body.
-
-    Parameters
-    ----------
-    table : TaxelTable
-        In the frame of its link.
-    skin : Skin
-        The same taxels with repaired normals.
-    layout : ModuleLayout
-    frames : mapping of int to (4, 4) array
-        T_link_module; empty where the body has none.
-    """
-    poses = {m: pose for m, pose in fit_modules(table, layout).items() if pose.sure}
-    swapped = _swapped(poses, frames, layout)
-    scales = {module: _scale(table, layout, module) for module in poses}
-    crowded = [m for m in poses if (table.modules == m).sum() > len(layout)]
-    return ModuleCheck(
-        tuple(sorted(set(frames) - set(table.modules.tolist()))),
-        swapped,
-        _rotated(poses, frames, swapped),
-        _mirrored(skin, poses),
-        tuple(
+    def __init__(
+        self, table: TaxelTable, skin: Skin, layout: ModuleLayout, frames: Mapping[int, FloatArray]
+    ) -> None:
+        poses = {m: pose for m, pose in fit_modules(table, layout).items() if pose.sure}
+        scales = {module: _scale(table, layout, module) for module in poses}
+        self.missing = tuple(sorted(set(frames) - set(table.modules.tolist())))
+        self.swapped = _swapped(poses, frames, layout)
+        self.rotated = _rotated(poses, frames, self.swapped)
+        self.mirrored = _mirrored(skin, poses)
+        self.misfit = tuple(
             module
             for module, pose in poses.items()
             if pose.residual > MISFIT * layout.pitch
             or abs(scales[module] - 1.0) > OFF_SCALE
-            or module in crowded
-        ),
-        len(poses),
-        float(np.median(list(scales.values()) or [np.nan])),
-        _pitch(table),
-        _side(poses),
-    )
+            or (table.modules == module).sum() > len(layout)
+        )
+        self.modules = len(poses)
+        self.scale = float(np.median(list(scales.values()) or [np.nan]))
+        self.pitch, self.side = _pitch(table), _side(poses)
 
 
 def mirror_distance(points: FloatArray, others: FloatArray) -> float:
@@ -210,12 +190,8 @@ def _mirrored(skin: Skin, poses: Mapping[int, ModulePose]) -> tuple[int, ...]:
 
     A flat board fits its mirror image just as well, turned over: only the normal tells.
     """
-    found = []
-    for module, pose in poses.items():
-        outward = skin.normals[skin.modules == module].sum(axis=0)
-        if pose.T_link_module[:3, 2] @ outward < 0:
-            found.append(module)
-    return tuple(found)
+    outward = {module: skin.normals[skin.modules == module].sum(axis=0) for module in poses}
+    return tuple(m for m, pose in poses.items() if pose.T_link_module[:3, 2] @ outward[m] < 0)
 
 
 def _scale(table: TaxelTable, layout: ModuleLayout, module: int) -> float:
@@ -228,11 +204,8 @@ def _scale(table: TaxelTable, layout: ModuleLayout, module: int) -> float:
 
 
 def _pitch(table: TaxelTable) -> float:
-    gaps = []
-    for module in np.unique(table.modules):
-        points = table.positions[table.modules == module]
-        if len(points) > 1:
-            gaps.append(nearest(points, 1)[0][:, 0])
+    several = (table.positions[table.modules == module] for module in np.unique(table.modules))
+    gaps = [nearest(points, 1)[0][:, 0] for points in several if len(points) > 1]
     return float(np.median(np.concatenate(gaps))) if gaps else float("nan")
 
 

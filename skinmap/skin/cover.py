@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
 from skinmap.geometry.proximity import closest_on_mesh, nearest
+from skinmap.geometry.rigid import turn_about
 from skinmap.geometry.triangles import TriangleMesh, face_normals
 from skinmap.skin.normals import hidden_views
 from skinmap.skin.skin import Skin
@@ -47,7 +48,7 @@ class SkinFit:
     covered: BoolArray
 
     def __post_init__(self) -> None:
-        freeze(self, **{name: getattr(self, name) for name in self.__slots__})
+        freeze(self)
 
 
 def measure_fit(skin: Skin, body: TriangleMesh) -> SkinFit:
@@ -198,7 +199,5 @@ def fit_to_mesh(points: FloatArray, vertices: FloatArray, faces: IntArray) -> Ri
         if distance.mean() < best[0].mean():
             best = (distance, rotation, shift)
     after, rotation, shift = best
-    transform = np.eye(4)
-    transform[:3, :3] = rotation
-    transform[:3, 3] = centre + shift - rotation @ centre
+    transform = turn_about(centre, rotation, shift)
     return RigidFit(transform, before, after, float(np.linalg.norm(shift)))

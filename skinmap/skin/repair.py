@@ -9,8 +9,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, fields
-from dataclasses import replace as replace_fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -242,14 +241,6 @@ def rebuild_collapsed(
     return replace(table, positions=positions, normals=normals)
 
 
-def replace(
-    table: TaxelTable, *, positions: FloatArray, normals: FloatArray | None = None
-) -> TaxelTable:
-    """The same taxels at other positions (n, 3), with other normals (n, 3) where given."""
-    kept = table.normals if normals is None else normals
-    return replace_fields(table, positions=positions, normals=kept)
-
-
 def take(table: TaxelTable, keep: np.ndarray) -> TaxelTable:
     """The rows of a table that a mask (n,) keeps."""
     rows: dict[str, Any] = {
@@ -257,4 +248,4 @@ def take(table: TaxelTable, keep: np.ndarray) -> TaxelTable:
         for each in fields(table)
         if isinstance(values := getattr(table, each.name), np.ndarray)
     }
-    return replace_fields(table, **rows)
+    return replace(table, **rows)

@@ -6,7 +6,7 @@ Joints of a body hang each link on its parent, and give the path between two lin
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -25,7 +25,6 @@ from skinmap.skin.repair import (
     RepairReport,
     detect_unit,
     repair_table,
-    replace,
     warn_of_unit,
 )
 from skinmap.skin.skin import Skin, skin_from_table

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.sparse import block_array, coo_array, csr_array
@@ -46,22 +46,6 @@ LEAST = 1e-10  # of the body's size: flatter faces are none
 MAX_TRIANGLES = 4_000_000  # fine triangles: more would need more than about 2 GB
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class VoronoiDual:
-    """Voronoi cells of taxels on a surface, measured along it.
-
-    Attributes
-    ----------
-    triangles : (t, 3) int
-        Taxels whose cells meet in a point, counter-clockwise seen from outside.
-    neighbours : (n, n) sparse
-        Distance along the surface of taxels whose cells touch.
-    """
-
-    triangles: IntArray
-    neighbours: csr_array
-
-
 def accurate_faces(cloud: Cloud, limits: Limits, body: TriangleMesh) -> IntArray:
     """Faces (m, 3) over a cloud along a body [m].
 
@@ -69,8 +53,8 @@ def accurate_faces(cloud: Cloud, limits: Limits, body: TriangleMesh) -> IntArray
     known, stars of those neighbours that are near along the body too fill the gaps.
     """
     surface = fine_surface(TriangleMesh(cloud.to_units(body.vertices), body.faces), cloud.spacing)
-    dual = voronoi_dual(cloud, surface)
-    reached = near_along(dual.neighbours, _rings(cloud, limits), 2.0 * limits.max_edge.max())
+    triangles, neighbours = voronoi_dual(cloud, surface)
+    reached = near_along(neighbours, _rings(cloud, limits), 2.0 * limits.max_edge.max())
     near = _as_near_as_seen(cloud, reached)
     votes = delaunay_stars(
         cloud.points,
@@ -80,14 +64,21 @@ def accurate_faces(cloud: Cloud, limits: Limits, body: TriangleMesh) -> IntArray
         neighbours=CROWD,
         allowed=near,
     )
-    triangles = _within(cloud, dual.triangles, near, limits.max_edge)
+    triangles = _within(cloud, triangles, near, limits.max_edge)
     votes = np.concatenate([*DUAL_VOTES * [triangles], votes])
     faces = consensus(cloud.points, cloud.normals, votes, limits.least_altitude)
     return close_small_holes(cloud, limits, faces)
 
 
-def voronoi_dual(cloud: Cloud, surface: TriangleMesh) -> VoronoiDual:
+def voronoi_dual(cloud: Cloud, surface: TriangleMesh) -> tuple[IntArray, csr_array]:
     """Which taxels of a cloud are neighbours along a fine surface mesh in its units.
+
+    Returns
+    -------
+    (t, 3) int
+        Taxels whose Voronoi cells meet in a point, counter-clockwise seen from outside.
+    (n, n) sparse
+        Distance along the surface of taxels whose cells touch.
 
     References
     ----------
@@ -110,7 +101,7 @@ def voronoi_dual(cloud: Cloud, surface: TriangleMesh) -> VoronoiDual:
     way, owner = way[:n], source[:n].astype(np.int64) - n
     corner = owner[surface.faces]
     apart = (corner != corner[:, [1, 2, 0]]).all(axis=1) & (corner >= 0).all(axis=1)
-    return VoronoiDual(corner[apart], _touching(surface, way, owner, k))
+    return corner[apart], _touching(surface, way, owner, k)
 
 
 def _landings(
@@ -244,10 +235,7 @@ def _wrapped(body: TriangleMesh, spacing: float) -> TriangleMesh:
     ----------
     Portaneri et al., "Alpha Wrapping with an Offset", SIGGRAPH 2022.
     """
-    pymeshlab = import_meshlab()
-
-    meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(body.vertices, body.faces))
+    pymeshlab, meshes = _meshlab(body)
     # In per cent of the diagonal, which a body of a few taxels may be shorter than.
     share = min(50.0, 100 * spacing / float(np.linalg.norm(np.ptp(body.vertices, axis=0))))
     try:
@@ -257,25 +245,32 @@ def _wrapped(body: TriangleMesh, spacing: float) -> TriangleMesh:
         )
     except pymeshlab.PyMeshLabException as error:
         raise InvalidMeshError(f"the body cannot be wrapped: {error}") from error
-    wrap = meshes.current_mesh()
-    return TriangleMesh(wrap.vertex_matrix(), wrap.face_matrix().astype(np.int64))
+    return _current(meshes)
 
 
 def _divided(mesh: TriangleMesh, longest: float) -> TriangleMesh:
     """The mesh with edges halved until none is longer than `longest`."""
-    pymeshlab = import_meshlab()
-
-    meshes = pymeshlab.MeshSet()
-    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
-    rounds = int(
-        np.ceil(np.log2(max(1.0, edge_lengths(mesh.vertices, mesh.faces).max() / longest)))
-    )
+    pymeshlab, meshes = _meshlab(mesh)
+    most = float(edge_lengths(mesh.vertices, mesh.faces).max()) / longest
+    rounds = int(np.ceil(np.log2(max(1.0, most))))
     if rounds > 0:
         meshes.meshing_surface_subdivision_midpoint(
             iterations=rounds, threshold=pymeshlab.PureValue(longest)
         )
-    fine = meshes.current_mesh()
-    return TriangleMesh(fine.vertex_matrix(), fine.face_matrix().astype(np.int64))
+    return _current(meshes)
+
+
+def _meshlab(mesh: TriangleMesh) -> tuple[Any, Any]:
+    """PyMeshLab, and a mesh in its hands."""
+    pymeshlab = import_meshlab()
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
+    return pymeshlab, meshes
+
+
+def _current(meshes: Any) -> TriangleMesh:
+    made = meshes.current_mesh()
+    return TriangleMesh(made.vertex_matrix(), made.face_matrix().astype(np.int64))
 
 
 def walking_graph(mesh: TriangleMesh) -> csr_array:

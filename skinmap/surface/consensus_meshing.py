@@ -5,8 +5,6 @@ From votes to a manifold: greedy insertion of the triangles that most taxels agr
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -29,9 +27,15 @@ SLIVER = 0.02  # in spacings: flatter triangles are three taxels in a row
 BEYOND = 10.0  # times the size of the skin: longer than any length that is meant
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class Limits:
-    """What a triangle and a hole may be, in the units of a cloud.
+    """What a triangle and a hole may be, in the units of a cloud, from whose spacing they derive.
+
+    Parameters
+    ----------
+    cloud : Cloud
+    max_edge, least_altitude : float or None
+        Given ones [m].
+    largest_hole : int
 
     Attributes
     ----------
@@ -43,15 +47,9 @@ class Limits:
         Vertices of the longest inner loop that is closed.
     """
 
-    max_edge: FloatArray
-    least_altitude: float
-    largest_hole: int
-
-    @classmethod
-    def of(
-        cls, cloud: Cloud, max_edge: float | None, least_altitude: float | None, largest_hole: int
-    ) -> Limits:
-        """Limits given [m], or else derived from the spacing of a cloud."""
+    def __init__(
+        self, cloud: Cloud, max_edge: float | None, least_altitude: float | None, largest_hole: int
+    ) -> None:
         for name, value in (("max_edge", max_edge), ("least_altitude", least_altitude)):
             if value is not None and not (np.isfinite(value) and value >= 0):
                 raise InvalidArrayError(f"{name} must be a length of 0 m or more, got {value}")
@@ -60,13 +58,12 @@ class Limits:
                 raise InvalidArrayError(
                     f"{name} of {value:g} m, on a skin of {size:.2g} m: is it in millimetres?"
                 )
-        return cls(
-            EDGE_LIMIT * cloud.spacings
-            if max_edge is None
-            else np.full(len(cloud.points), max_edge / cloud.unit),
-            SLIVER * cloud.spacing if least_altitude is None else least_altitude / cloud.unit,
-            largest_hole,
-        )
+        self.max_edge, self.largest_hole = EDGE_LIMIT * cloud.spacings, largest_hole
+        if max_edge is not None:
+            self.max_edge = np.full(len(cloud.points), max_edge / cloud.unit)
+        self.least_altitude = SLIVER * cloud.spacing
+        if least_altitude is not None:
+            self.least_altitude = least_altitude / cloud.unit
 
 
 def consensus_faces(cloud: Cloud, limits: Limits, *, neighbours: int = NEIGHBOURS) -> IntArray:
@@ -310,6 +307,5 @@ def fans(faces: IntArray) -> tuple[IntArray, IntArray]:
     count, label = connected_components(graph, directed=False)
     first = np.full(count, faces.size)
     np.minimum.at(first, label, np.arange(faces.size))
-    rank = np.empty(count, np.int64)
-    rank[np.argsort(first)] = np.arange(count)
+    rank = np.argsort(np.argsort(first))
     return rank[label], start[np.sort(first)]

@@ -26,7 +26,7 @@ from skinmap.surface.consensus_meshing import (
     pinched_vertex,
     without_pinches,
 )
-from skinmap.surface.taxel_cloud import FEW, NEIGHBOURS, make_cloud
+from skinmap.surface.taxel_cloud import FEW, NEIGHBOURS, Cloud
 
 MESHING = ("consensus", "fast", "accurate")
 DEFAULT = MESHING[0]
@@ -196,8 +196,8 @@ def build_surface(
             body=body,
         )
         return _by_pieces(skin, mesh_of)
-    cloud = make_cloud(skin.positions, skin.normals, merge)
-    limits = Limits.of(cloud, max_edge, least_altitude, largest_hole)
+    cloud = Cloud(skin.positions, skin.normals, merge)
+    limits = Limits(cloud, max_edge, least_altitude, largest_hole)
     if method == "accurate":
         found = accurate_faces(cloud, limits, _as_body(body, skin))
     else:
@@ -263,9 +263,7 @@ def surface_from_faces(skin: Skin, faces: ArrayLike) -> SurfaceMesh:
 def by_size(faces: IntArray) -> IntArray:
     """(m,) patch of each face, the patch with the most faces first."""
     label = face_components(faces)
-    order = np.argsort(-np.bincount(label), kind="stable")
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
+    rank = np.argsort(np.argsort(-np.bincount(label), kind="stable"))
     return rank[label]
 
 

@@ -5,14 +5,12 @@ Their Delaunay stars in tangent planes: which triangles each taxel would have ar
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_points, freeze
+from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_points
 from skinmap.errors import InvalidMeshError
 from skinmap.geometry.proximity import nearest_of
 from skinmap.geometry.rigid import tangent_frames
@@ -26,9 +24,16 @@ ABOUT = 2.5  # in spacings of their own: so near they are
 BESIDE = 1.5  # in coarse spacings: taxels so near a coarse area belong to it, too
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class Cloud:
     """Distinct points in lexicographic order, so that no result hangs on how taxels are numbered.
+
+    Parameters
+    ----------
+    positions : (n, 3) array of float
+        Of the taxels [m].
+    normals : (n, 3) array of float
+    merge : float, optional
+        Taxels nearer than this are one point [m].
 
     Attributes
     ----------
@@ -47,42 +52,30 @@ class Cloud:
         Median distance to the nearest other point, in units.
     spacings : (k,) float
         The same about each point: more in an area coarser than the median.
-    """
-
-    points: FloatArray
-    normals: FloatArray
-    vertices: IntArray
-    representative: IntArray
-    centre: FloatArray
-    unit: float
-    spacing: float
-    spacings: FloatArray
-
-    def __post_init__(self) -> None:
-        freeze(self)
-
-    def to_units(self, positions: FloatArray) -> FloatArray:
-        """Other positions (m, 3) [m] beside the points."""
-        return (positions - self.centre) / self.unit
-
-
-def make_cloud(positions: FloatArray, normals: FloatArray, merge: float | None = None) -> Cloud:
-    """The cloud of taxels at positions (n, 3) [m]; nearer ones than `merge` [m] are one point.
 
     Raises
     ------
     InvalidMeshError
         Fewer than three distinct taxels.
     """
-    scaled, centre, unit = to_unit(check_points(positions, "positions"))
-    tolerance = None if merge is None else merge / unit
-    normals = check_finite(normals, "normals", (len(positions), 3))
-    representative, vertices, near = _distinct(scaled, normals, tolerance)
-    if len(vertices) < 3:
-        raise InvalidMeshError(f"{len(vertices)} distinct taxels make no surface: at least 3")
-    points, normals, spacing = scaled[vertices], normals[vertices], float(np.median(near))
-    spacings = local_spacings(points, normals, near, spacing)
-    return Cloud(points, normals, vertices, representative, centre, unit, spacing, spacings)
+
+    def __init__(
+        self, positions: FloatArray, normals: FloatArray, merge: float | None = None
+    ) -> None:
+        scaled, self.centre, self.unit = to_unit(check_points(positions, "positions"))
+        tolerance = None if merge is None else merge / self.unit
+        normals = check_finite(normals, "normals", (len(positions), 3))
+        self.representative, self.vertices, near = _distinct(scaled, normals, tolerance)
+        count = len(self.vertices)
+        if count < 3:
+            raise InvalidMeshError(f"{count} distinct taxels make no surface: at least 3")
+        self.points, self.normals = scaled[self.vertices], normals[self.vertices]
+        self.spacing = float(np.median(near))
+        self.spacings = local_spacings(self.points, self.normals, near, self.spacing)
+
+    def to_units(self, positions: FloatArray) -> FloatArray:
+        """Other positions (m, 3) [m] beside the points."""
+        return (positions - self.centre) / self.unit
 
 
 def local_spacings(

@@ -250,8 +250,7 @@ class LoadCalibration:
         session = self.session(counts, rate, zero=zero)
         found = np.full((3, *counts.shape), np.nan, np.float32)
         stream = LoadStream(self, rate, session)
-        for start in range(0, len(counts), CHUNK):
-            rows = slice(start, start + CHUNK)
+        for rows in chunks(len(counts)):
             found[:, rows] = stream.rows(counts[rows])
         return found[0], found[1], found[2]
 
@@ -290,13 +289,10 @@ class LoadCalibration:
         before, after = (None, None) if zero == "none" else self.rests(counts, rate)
         if zero == "first":
             after = None
-        if before is None:
-            found = replace(self._unseen(after), gain=gain)
-        else:
-            found = self._zeroed(before, after, gain)
-        return replace(found, wander=np.where(stuck, np.inf, found.wander))
+        found = self._unseen(after) if before is None else self._zeroed(before, after)
+        return replace(found, gain=gain, wander=np.where(stuck, np.inf, found.wander))
 
-    def _zeroed(self, before: FloatArray, after: FloatArray | None, gain: FloatArray) -> Session:
+    def _zeroed(self, before: FloatArray, after: FloatArray | None = None) -> Session:
         """Shift of each taxel, what all share shrunk by what is in doubt."""
         moved, wander = before - self.rest, np.full(len(self), np.nan)
         if after is not None:
@@ -308,7 +304,7 @@ class LoadCalibration:
         shared = float(np.median((moved * slope)[own])) if own.any() else 0.0
         kept = max(0.0, 1.0 - (self.doubt / max(abs(shared), 1e-12)) ** 2)
         shift = moved - (1.0 - kept) * shared / slope
-        return Session(shift, wander * np.abs(slope), gain, self.doubt, True)
+        return Session(shift, wander * np.abs(slope), np.zeros(len(self)), self.doubt, True)
 
     def _unseen(self, after: FloatArray | None = None) -> Session:
         """A session without rest before its load; rest after it shows a zero that moved far."""
@@ -345,7 +341,7 @@ class LoadCalibration:
     def zero_at(self, samples: ArrayLike, when: float) -> LoadCalibration:
         """The calibration zeroed anew by samples (t, n) at rest."""
         counts = self.cooled(self.checked(samples))
-        session = self._zeroed(np.median(counts, axis=0), None, np.zeros(len(self)))
+        session = self._zeroed(np.median(counts, axis=0))
         return replace(self, shift=session.shift, zeroed=when)
 
     def stream(self, rate: float | None = None) -> LoadStream:

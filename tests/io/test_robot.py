@@ -354,8 +354,9 @@ def test_urdf_of_a_manifest_may_not_read_meshes_outside(tmp_path):
 
 
 def test_dh_frames_are_used_where_they_fit_better(tmp_path, icub):
+    from dataclasses import replace
+
     from skinmap.io.taxels.taxel_table import write_csv
-    from skinmap.skin.repair import replace
 
     table = icub.part("right_hand").read()
     rest = icub.body.poses({})

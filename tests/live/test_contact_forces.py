@@ -12,7 +12,7 @@ import pytest
 from skinmap.errors import SkinMismatchError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.response.loads import SPREAD, ContactForce, PartForces, heaviest_load
-from skinmap.physics.pressing import spring_bed
+from skinmap.physics.pressing import SpringBed
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -38,14 +38,14 @@ def exact(forces: PartForces, pressure: np.ndarray, taxels: np.ndarray) -> Conta
 
 def pressed(skin: PreparedSkin, cells: np.ndarray, newtons: float) -> tuple[np.ndarray, ...]:
     """Pressure (n,) of a force spread evenly over some cells, and the middle of these."""
-    bed = spring_bed(skin.skin, skin.mesh)
+    bed = SpringBed(skin.skin, skin.mesh)
     load = np.zeros(len(bed.places))
     load[cells] = newtons / len(cells)
     return bed.spread(SPREAD) @ load, bed.places[cells].mean(axis=0)
 
 
 def test_force_of_an_even_pressure_is_pressure_times_area(sheet: PreparedSkin) -> None:
-    bed = spring_bed(sheet.skin, sheet.mesh)
+    bed = SpringBed(sheet.skin, sheet.mesh)
     whole = 1e4 * bed.area * len(bed.places)
     # What presses ends with the skin: taxels at its border feel half of the pressure.
     pressure, _ = pressed(sheet, np.arange(len(bed.places)), whole)
@@ -59,7 +59,7 @@ def test_force_of_an_even_pressure_is_pressure_times_area(sheet: PreparedSkin) -
 
 
 def test_force_and_its_moment_are_those_of_a_weight(sheet: PreparedSkin) -> None:
-    bed = spring_bed(sheet.skin, sheet.mesh)
+    bed = SpringBed(sheet.skin, sheet.mesh)
     spot = sheet.skin.positions[112]
     cells = np.flatnonzero(np.linalg.norm(bed.places - spot, axis=1) < 12e-3)
     pressure, middle = pressed(sheet, cells, 5.0)
@@ -76,7 +76,7 @@ def test_force_and_its_moment_are_those_of_a_weight(sheet: PreparedSkin) -> None
 
 def test_force_of_a_newton_is_a_newton_anywhere_on_a_curved_part(forearm: PreparedSkin) -> None:
     forces, rng = PartForces(forearm), np.random.default_rng(3)
-    bed = spring_bed(forearm.skin, forearm.mesh)
+    bed = SpringBed(forearm.skin, forearm.mesh)
     ratios, plain, away = [], [], []
     for _ in range(60):
         middle = bed.places[rng.integers(len(bed.places))]
@@ -99,7 +99,7 @@ def test_force_of_a_newton_is_a_newton_anywhere_on_a_curved_part(forearm: Prepar
 def test_a_fingertip_weighs_alike_above_taxels_and_between_them(
     forearm: PreparedSkin, foam: float
 ) -> None:
-    bed, rng = spring_bed(forearm.skin, forearm.mesh), np.random.default_rng(3)
+    bed, rng = SpringBed(forearm.skin, forearm.mesh), np.random.default_rng(3)
     forces, feels, errors = PartForces(forearm), bed.spread(foam), []
     for _ in range(100):
         away = np.linalg.norm(bed.places - bed.places[rng.integers(len(bed.places))], axis=1)
@@ -111,7 +111,7 @@ def test_a_fingertip_weighs_alike_above_taxels_and_between_them(
 
 
 def test_force_bridges_a_taxel_without_an_answer(sheet: PreparedSkin) -> None:
-    bed = spring_bed(sheet.skin, sheet.mesh)
+    bed = SpringBed(sheet.skin, sheet.mesh)
     spot = sheet.skin.positions[112]
     cells = np.flatnonzero(np.linalg.norm(bed.places - spot, axis=1) < 15e-3)
     pressure, _ = pressed(sheet, cells, 5.0)

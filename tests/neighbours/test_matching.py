@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from sklearn.metrics import adjusted_rand_score
 
 from skinmap.errors import InvalidArrayError
-from skinmap.neighbours.matching import as_prototypes, match_costs, matcher, pairing, view
+from skinmap.neighbours.matching import Matcher, View, as_prototypes, match_costs, pairing
 from skinmap.neighbours.offsets import (
     auto_radius,
     concatenate,
@@ -84,8 +84,8 @@ def test_pairing_is_one_to_one(seed, reach, rotations):
     hoods = neighbourhoods(points, up, up[:, [0, 2, 1]], radius=8e-3)
     rows = np.arange(len(points))
     shapes = as_prototypes(hoods, rows[::7], tolerance=reach, rotations=rotations)
-    ready = matcher(shapes, hoods, reach=reach)
-    seen = view(hoods)
+    ready = Matcher(shapes, hoods, reach=reach)
+    seen = View(hoods)
     for s in range(len(shapes)):
         _, _, partner = pairing(seen, rows, ready, np.full(len(rows), s), rows % rotations)
         for row in partner:
@@ -101,7 +101,7 @@ def test_a_neighbourhood_matches_itself_at_no_cost(seed):
     rows = np.arange(len(points))
     shapes = as_prototypes(hoods, rows, tolerance=1.5e-3, rotations=6)
     cost, stray, turn = match_costs(
-        view(hoods), rows, matcher(shapes, hoods, reach=1.5e-3), compiled=False
+        View(hoods), rows, Matcher(shapes, hoods, reach=1.5e-3), compiled=False
     )
     np.testing.assert_allclose(np.diag(cost), 0.0, atol=1e-20)
     np.testing.assert_allclose(np.diag(stray), 0.0, atol=1e-20)
@@ -114,9 +114,9 @@ def test_compiled_matching_gives_the_same(tiling, flat_hoods, rng):
     hoods = flat_hoods(points)
     rows = np.arange(0, len(points), 2)
     shapes = as_prototypes(hoods, rows[::9], tolerance=1.5e-3, rotations=6)
-    ready = matcher(shapes, hoods, reach=2e-3)
-    plain = match_costs(view(hoods), rows, ready, compiled=False)
-    quick = match_costs(view(hoods), rows, ready, compiled=True)
+    ready = Matcher(shapes, hoods, reach=2e-3)
+    plain = match_costs(View(hoods), rows, ready, compiled=False)
+    quick = match_costs(View(hoods), rows, ready, compiled=True)
     assert np.isfinite(plain[0]).sum() > 1000
     for one, other in zip(plain, quick, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12)  # sums in another order

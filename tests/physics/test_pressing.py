@@ -10,7 +10,6 @@ from skinmap.physics.pressing import (
     mount_frame,
     press,
     secant_stiffness,
-    spring_bed,
 )
 from skinmap.physics.simulation import place_at
 from skinmap.physics.variants import VARIANTS
@@ -25,7 +24,7 @@ SOFTNESS = {"foam": 4e7, "flesh": 2.6e7}  # [Pa/m]
 def plane() -> SpringBed:
     steps = np.arange(-0.0975, 0.098, 6.5e-3)
     points = np.array([(x, y, 0.0) for x in steps for y in steps])
-    return spring_bed(skin_from_points(points, np.tile([0.0, 0.0, 1.0], (len(points), 1))))
+    return SpringBed(skin_from_points(points, np.tile([0.0, 0.0, 1.0], (len(points), 1))))
 
 
 def pressed(bed: SpringBed, presser: Presser, *, friction: float = 0.0) -> Pressed:

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,10 +11,10 @@ from skinmap.errors import DataFormatError, InvalidArrayError, SkinWarning, Unkn
 from skinmap.geometry.proximity import nearest
 from skinmap.geometry.rigid import rigid_fit
 from skinmap.io.taxels.icub import read_icub
-from skinmap.skin.checks import check_modules, mirror_distance, twin_parts
+from skinmap.skin.checks import ModuleCheck, mirror_distance, twin_parts
 from skinmap.skin.cover import fit_to_mesh
 from skinmap.skin.modules import BUILTIN, ModuleLayout, fit_modules, module_layout, shared_places
-from skinmap.skin.repair import detect_unit, repair_table, replace, take
+from skinmap.skin.repair import detect_unit, repair_table, take
 from skinmap.skin.skin import skin_from_table
 from skinmap.skin.taxels import THERMAL, TaxelTable
 
@@ -217,21 +218,21 @@ def test_modules_of_the_icub_face_outward_within_5_degrees(icub):
 def test_check_modules_finds_planted_faults(boards):
     poses = {m: pose.T_link_module for m, pose in fit_modules(boards, LAYOUT).items()}
     skin = up(boards)
-    clean = check_modules(boards, skin, LAYOUT, poses)
+    clean = ModuleCheck(boards, skin, LAYOUT, poses)
     assert (clean.missing, clean.swapped, clean.rotated, clean.mirrored) == ((), {}, (), ())
     assert clean.pitch == pytest.approx(6.533e-3, abs=1e-6)
     swapped = {**poses, 1: poses[4], 4: poses[1]}
-    assert check_modules(boards, skin, LAYOUT, swapped).swapped == {1: 4, 4: 1}
+    assert ModuleCheck(boards, skin, LAYOUT, swapped).swapped == {1: 4, 4: 1}
     turned = {**poses, 3: poses[3] @ np.diag([-1.0, -1, 1, 1])}
-    assert check_modules(boards, skin, LAYOUT, turned).rotated == (3,)
+    assert ModuleCheck(boards, skin, LAYOUT, turned).rotated == (3,)
     extra = {**poses, 9: np.eye(4)}
-    assert check_modules(boards, skin, LAYOUT, extra).missing == (9,)
+    assert ModuleCheck(boards, skin, LAYOUT, extra).missing == (9,)
     mirrored = boards.positions.copy()
     rows = boards.modules == 5
     middle = mirrored[rows].mean(axis=0)
     mirrored[rows] = (mirrored[rows] - middle) * [-1, 1, 1] + middle
     table = replace(boards, positions=mirrored)
-    assert check_modules(table, up(table), LAYOUT, poses).mirrored == (5,)
+    assert ModuleCheck(table, up(table), LAYOUT, poses).mirrored == (5,)
 
 
 def sized(factor: float, slots: int = 12) -> ModuleLayout:
@@ -245,7 +246,7 @@ def sized(factor: float, slots: int = 12) -> ModuleLayout:
 )
 def test_modules_that_do_not_fit_their_layout_are_told(boards, layout, wrong, rng):
     noisy = replace(boards, positions=boards.positions + rng.normal(scale=5e-4, size=(60, 3)))
-    assert len(check_modules(noisy, up(noisy), layout, {}).misfit) == wrong
+    assert len(ModuleCheck(noisy, up(noisy), layout, {}).misfit) == wrong
 
 
 def up(table: TaxelTable):
@@ -272,9 +273,7 @@ def test_mirror_distance_sees_another_shape(icub):
 
 def test_icubs_forearms_have_modules_that_the_urdf_puts_elsewhere(icub):
     part = "left_forearm"
-    check = check_modules(
-        icub.repair(part).table, icub.skin(part), LAYOUT, icub.module_frames(part)
-    )
+    check = ModuleCheck(icub.repair(part).table, icub.skin(part), LAYOUT, icub.module_frames(part))
     assert len(check.swapped) == 16
     assert check.swapped[0] == 3
 

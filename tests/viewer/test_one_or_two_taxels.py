@@ -13,8 +13,8 @@ from skinmap.cli.main import cli
 from skinmap.geometry.triangles import TriangleMesh
 from skinmap.skin.normals import repair_normals
 from skinmap.touch.prepared_skin import PreparedSkin
-from viewer.drawing.skin.skin_layer import flat_vertices, refine
-from viewer.web.scene_data import make_scene
+from viewer.drawing.skin.skin_layer import FineSurface, flat_vertices
+from viewer.web.scene_data import WebScene
 
 ROBOT = """
 [robot]
@@ -54,7 +54,7 @@ def test_its_surface_and_its_map_are_discs(robot):
     assert np.allclose(mesh.taxel_areas, np.pi * (skin.spacing / 2) ** 2)
     if len(skin) == 2:
         assert np.linalg.norm(flat.uv[1] - flat.uv[0]) == pytest.approx(8e-3)
-    fine = refine(mesh)
+    fine = FineSurface(mesh)
     uv = flat_vertices(fine, flat)
     # On the map discs are as wide as on the body.
     own = np.asarray(fine.linear.argmax(axis=1)).ravel()
@@ -83,7 +83,7 @@ def test_a_pressed_taxel_is_a_contact(robot):
 def test_pages_get_its_discs(robot):
     loaded = skinmap.load_robot(robot)
     skins = {"tip": PreparedSkin(loaded.skin("tip"))}
-    scene = make_scene(loaded, skins)
+    scene = WebScene(loaded, skins)
     assert len(scene.layers["tip"].fine.faces) == 4 * 12 * len(skins["tip"])
 
 

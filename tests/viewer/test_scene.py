@@ -136,7 +136,7 @@ def test_outline_surrounds_the_touch_on_body_and_flat_map(at_rest, press):
     assert away.min() > 0.012
     assert away.max() < 0.025
     uv = at_rest.canvas.panel.flat_maps["torso"].uv[taxel]
-    flat = np.linalg.norm(np.asarray(at_rest.panel.outlines.points)[:, :2] - uv, axis=1)
+    flat = np.linalg.norm(np.asarray(at_rest.panel.marks.outlines.lines.points)[:, :2] - uv, axis=1)
     assert flat.min() > 0.012
     assert flat.max() < 0.025
 

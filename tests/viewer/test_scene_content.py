@@ -357,14 +357,14 @@ def test_the_panel_of_a_large_skin_has_a_long_scale_bar_and_commas(opengl):
     from skinmap.skin.skin import skin_from_points
     from skinmap.touch.prepared_skin import PreparedSkin
     from viewer.drawing.panel.flat_panel import FlatPanel
-    from viewer.drawing.skin.skin_layer import build_layer
+    from viewer.drawing.skin.skin_layer import SkinLayer
     from viewer.drawing.skin.taxel_drawing import ColourTable
     from viewer.drawing.touches.touch_marks import KeptContours
 
     points = 0.1 * np.column_stack([*np.divmod(np.arange(1200), 30), np.zeros(1200)])
     skin = PreparedSkin(skin_from_points(points, np.tile([0.0, 0.0, 1.0], (1200, 1))))
     plotter = pv.Plotter(off_screen=True, window_size=[400, 700])
-    layers, maps = {"hull": build_layer(skin.mesh)}, {"hull": skin.flat}
+    layers, maps = {"hull": SkinLayer(skin.mesh)}, {"hull": skin.flat}
     panel = FlatPanel(plotter, layers, maps, ColourTable(), 14, KeptContours())
     panel.show("hull")
     panel.fit(14)

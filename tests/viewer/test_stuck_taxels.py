@@ -11,13 +11,13 @@ import pytest
 import skinmap
 from tests.viewer.unpacking import unpack
 from viewer import Layers
-from viewer.drawing.skin.skin_layer import build_layer
+from viewer.drawing.skin.skin_layer import SkinLayer
 from viewer.drawing.touches.touch_marks import touch_field
 from viewer.layers import STATES, STUCK, UNHEARD
 from viewer.view_files import Best
 from viewer.view_options import Look, Session
 from viewer.web.sample import UNKNOWN, SampleWriter
-from viewer.web.scene_data import make_scene
+from viewer.web.scene_data import WebScene
 
 # Parts that the simulator gives stuck taxels with these seeds, one of each robot and size of taxel.
 CASES = (
@@ -59,7 +59,7 @@ def held(layer, touch, touches):
 @pytest.mark.parametrize("learned", [True, False], ids=["stills", "live"])
 def test_no_outline_holds_a_stuck_taxel(played, learned):
     session, part, stuck, moments = played
-    layers, layer = Layers(session.skins), build_layer(session.skins[part].mesh)
+    layers, layer = Layers(session.skins), SkinLayer(session.skins[part].mesh)
     drawn = 0
     for moment in moments if learned else live(session):
         layers.observe(moment)
@@ -95,7 +95,7 @@ def test_page_gets_the_same_signs_and_no_pressure(played, opengl):
     session, _, stuck, moments = played
     layers = Layers(session.skins)
     layers.observe(moments[-1])
-    scene = make_scene(session.robot, session.skins, links=())
+    scene = WebScene(session.robot, session.skins, links=())
     sent, arrays = unpack(SampleWriter(scene, layers).write(moments[-1], layers.counts, {}))
     assert sent["signs"] == {STATES[STUCK]: np.sort(stuck).tolist()}
     assert (arrays["values"][stuck] == UNKNOWN).all()

@@ -26,7 +26,7 @@ from viewer.drawing.skin.taxel_drawing import set_normals
 from viewer.scene import Scene
 from viewer.web.files import joined_scripts, page_text
 from viewer.web.sample import pack_reel
-from viewer.web.scene_data import make_scene
+from viewer.web.scene_data import WebScene
 
 CELL = 4e-3  # of the body's meshes [m]: files stay small
 HEAD = re.compile(r"<link rel=.*</script>\n", re.S)  # files that the served page brings
@@ -73,7 +73,7 @@ def write_html(
     first = len(played) - 1 if now is None else now
     skins = {part: scene.data.skins[part] for part in scene.layers}
     links = scene.canvas.body.links  # the same parts and links, in the same pose
-    web = make_scene(scene.robot, skins, angles=scene.angles, links=links, cell=CELL)
+    web = WebScene(scene.robot, skins, angles=scene.angles, links=links, cell=CELL)
     reel = pack_reel(
         web,
         scene.data,
@@ -94,7 +94,7 @@ def page(scene: bytes, reel: bytes, title: str) -> str:
     Parameters
     ----------
     scene, reel : bytes
-        As `make_scene` and `pack_reel` pack them.
+        As `WebScene` and `pack_reel` pack them.
     title : str
         Of the page until it has read the scene.
     """

@@ -12,7 +12,7 @@ from typing import Any
 from skinmap.errors import SkinError
 from viewer.drawing.frame.camera import focus, preset
 from viewer.drawing.frame.canvas import FOOT
-from viewer.drawing.touches.traces import COURSES
+from viewer.drawing.touches.traces import PLOT_KINDS
 from viewer.drawing.touches.traces import SPANS as SPANS_PLOTTED
 from viewer.interaction.mouse import Lasso, Mouse, Pace, Reach
 from viewer.interaction.overlays import Notice, Slider, Spans, TextBox
@@ -250,8 +250,7 @@ class Controls:
 
     def next_plot(self) -> None:
         """Plot the chosen taxels, or force, pressure, area, ... of the touches."""
-        names = ("taxels", *COURSES)
-        plot = names[(names.index(self.scene.plot) + 1) % len(names)]
+        plot = PLOT_KINDS[(PLOT_KINDS.index(self.scene.plot) + 1) % len(PLOT_KINDS)]
         self.scene.set_plot(plot)
         self.say(f"plot: {plot if plot != 'taxels' else 'chosen taxels'}")
 

@@ -366,19 +366,15 @@ class Pointing:
         pick = self.pick(x, y)
         self._mouse = (x, y)
         self._show(pick)
-        if pick is None:
-            if not add:
-                self.clear()
-            return
-        self.choose(pick, reach, add=add)
+        if pick is not None:
+            self.choose(pick, reach, add=add)
+        elif not add:
+            self.clear()
 
     def choose(self, pick: Pick, reach: Reach, *, add: bool = False) -> None:
         """Choose a taxel, its module or patch, alone or beside what is chosen."""
         taxels = reached(self.skins[pick.part].mesh, pick.taxel, reach)
-        if add:
-            self.selection.toggle(pick.part, taxels)
-        else:
-            self.selection.replace(pick.part, taxels)
+        (self.selection.toggle if add else self.selection.replace)(pick.part, taxels)
         self.refresh()
 
     def enclose(self, lasso: Lasso, *, add: bool) -> None:

@@ -183,9 +183,7 @@ def small(values: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
 
 def size(moment: Moment) -> int:
     """Bytes of the moment's arrays."""
-    return sum(v.nbytes for v in moment.pressures.values()) + sum(
-        v.nbytes for v in moment.raw.values()
-    )
+    return sum(one.nbytes for one in (*moment.pressures.values(), *moment.raw.values()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -295,10 +293,8 @@ class Timeline:
     def _number(self, part: str, time: float) -> int | None:
         """The span that a touch was in when its time was played before."""
         taken = set(self._open.values())
-        for number, span in self._spans.items():
-            if span.part == part and span.began <= time <= span.ended and number not in taken:
-                return number
-        return None
+        here = (k for k, one in self._spans.items() if one.part == part and k not in taken)
+        return next((k for k in here if self._spans[k].began <= time <= self._spans[k].ended), None)
 
     def spans(self) -> tuple[Span, ...]:
         """Touches that were found, in the order in which they came."""

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from skinmap.errors import SkinError, UnknownNameError
+from skinmap.errors import SkinError, check_known
 from skinmap.live.contacts.named_touch import Moment
-from viewer.drawing.touches.traces import COURSES
+from viewer.drawing.touches.traces import PLOT_KINDS
 from viewer.drawing.touches.traces import SPANS as PLOTTED
 from viewer.interaction.pointing import describe
 from viewer.layers import Layer, Layers, check_layer, check_values
@@ -349,8 +349,7 @@ class Hub:
         plot, part = str(wish["plot"]), str(wish["part"])
         bits = np.frombuffer(base64.b64decode(str(wish["taxels"]), validate=True), np.uint8)
         taxels = tuple(np.flatnonzero(np.unpackbits(bits, bitorder="little")).tolist())
-        if plot not in ("taxels", *COURSES):
-            raise UnknownNameError("plot", plot, ("taxels", *COURSES))
+        check_known("plot", [plot], PLOT_KINDS)
         if plot == "taxels" or taxels:
             skin = self.scene.skins[part]
             if not taxels or taxels[-1] >= len(skin):

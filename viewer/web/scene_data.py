@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,7 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from viewer.colours import BACKGROUND, BODY, DOT, INK, RIM, TRACES, UNKNOWN
 from viewer.drawing.body.bare_body import Links, body_meshes, check_links, posed
 from viewer.drawing.frame.camera import VIEW_ANGLE, front_view
-from viewer.drawing.skin.skin_layer import DOT_SHARE, SkinLayer, build_layer, flat_places
+from viewer.drawing.skin.skin_layer import DOT_SHARE, SkinLayer, flat_places
 
 TYPES = ("u1", "i1", "u2", "u4", "i4", "f4")  # what a page has typed arrays for
 
@@ -67,95 +66,73 @@ CELL = 6e-3  # of the body's meshes [m]: four pixels of a whole robot in a pictu
 LEANING = 0.2  # length of a mean normal that says where a skin faces
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class WebScene:
-    """A robot made ready for pages.
+    """A robot made ready for pages: the body decimated, the sheets built, and both packed.
 
-    Attributes
+    Parameters
     ----------
     robot : Robot
     skins : mapping of str to PreparedSkin
-        Parts shown, in the order of their taxels in a sample.
+        Parts to show, in the order of their taxels in a sample.
+    angles : mapping of str to float, optional
+        Joint angles [rad] where a moment has none; the robot's natural pose by default.
+    links : iterable of str, optional
+        Links to draw; all that have a mesh by default.
+    cell : float
+        Vertices of the body within so much become one [m].
+
+    Attributes
+    ----------
     layers : mapping of str to SkinLayer
-    angles : mapping of str to float
-        Joint angles [rad] where a moment has none.
     links : tuple of str
         Links in the order of their poses.
     first_taxel, first_vertex : mapping of str to int
         Where each part begins among all taxels and all vertices of sheets.
     packed : bytes
         The page's scene.
-    """
-
-    robot: Robot
-    skins: Mapping[str, PreparedSkin]
-    layers: Mapping[str, SkinLayer]
-    angles: Mapping[str, float]
-    links: tuple[str, ...]
-    first_taxel: Mapping[str, int]
-    first_vertex: Mapping[str, int]
-    packed: bytes
-
-    @property
-    def name(self) -> str:
-        """Another one for another scene: a page that is open must be loaded anew then."""
-        return hashlib.sha256(self.packed).hexdigest()[:16]
-
-
-def make_scene(
-    robot: Robot,
-    skins: Mapping[str, PreparedSkin],
-    *,
-    angles: Mapping[str, float] | None = None,
-    links: Links = None,
-    cell: float = CELL,
-) -> WebScene:
-    """Decimate the body, build the sheets and pack both.
-
-    Parameters
-    ----------
-    robot : Robot
-    skins : mapping of str to PreparedSkin
-        Parts to show.
-    angles : mapping of str to float, optional
-        Joint angles [rad]; the robot's natural pose by default.
-    links : iterable of str, optional
-        Links to draw; all that have a mesh by default.
-    cell : float
-        Vertices of the body within so much become one [m].
 
     Raises
     ------
     UnknownNameError, InvalidArrayError
         A joint or link that the body lacks, or an angle beyond its joint's limits.
     """
-    layers = {part: build_layer(skin.mesh) for part, skin in skins.items()}
-    meshes = body_meshes(robot, check_links(robot, links, skins), cell=cell)
-    names = tuple(dict.fromkeys([*meshes, *(skin.skin.link for skin in skins.values())]))
-    poses = posed(robot, angles or {})
-    taxels = first_rows([len(skin) for skin in skins.values()])
-    vertices = first_rows([len(layer.points) for layer in layers.values()])
-    header: dict[str, Any] = {"kind": "scene", "robot": robot.name, "view_angle": VIEW_ANGLE}
-    header["colours"] = {
-        "background": BACKGROUND, "body": BODY, "dot": DOT, "rim": RIM, "unknown": UNKNOWN,
-        "ink": INK,
-    }  # fmt: skip
-    header["traces"] = TRACES
-    close = set(skins) != set(robot.parts)
-    header.update(_whereabouts(skins, meshes, poses, close=close))
-    arrays: dict[str, NDArray[Any]] = {"poses": pack_poses(poses, names)}
-    header["links"] = _add_body(arrays, meshes, names)
-    header["parts"] = _add_skins(arrays, skins, layers, names, taxels, vertices)
-    return WebScene(
-        robot,
-        dict(skins),
-        layers,
-        dict(angles or {}),
-        names,
-        dict(zip(skins, taxels, strict=False)),
-        dict(zip(skins, vertices, strict=False)),
-        pack(header, arrays),
-    )
+
+    def __init__(
+        self,
+        robot: Robot,
+        skins: Mapping[str, PreparedSkin],
+        *,
+        angles: Mapping[str, float] | None = None,
+        links: Links = None,
+        cell: float = CELL,
+    ) -> None:
+        self.robot, self.skins, self.angles = robot, dict(skins), dict(angles or {})
+        self.layers = {part: SkinLayer(skin.mesh) for part, skin in skins.items()}
+        meshes = body_meshes(robot, check_links(robot, links, skins), cell=cell)
+        own = (skin.skin.link for skin in skins.values())
+        self.links = tuple(dict.fromkeys([*meshes, *own]))
+        poses = posed(robot, self.angles)
+        taxels = first_rows([len(skin) for skin in skins.values()])
+        vertices = first_rows([len(layer.points) for layer in self.layers.values()])
+        self.first_taxel = dict(zip(skins, taxels, strict=False))
+        self.first_vertex = dict(zip(skins, vertices, strict=False))
+        header: dict[str, Any] = {"kind": "scene", "robot": robot.name, "view_angle": VIEW_ANGLE}
+        header["colours"] = {
+            "background": BACKGROUND, "body": BODY, "dot": DOT, "rim": RIM, "unknown": UNKNOWN,
+            "ink": INK,
+        }  # fmt: skip
+        header["traces"] = TRACES
+        close = set(skins) != set(robot.parts)
+        header.update(_whereabouts(skins, meshes, poses, close=close))
+        arrays: dict[str, NDArray[Any]] = {"poses": pack_poses(poses, self.links)}
+        header["links"] = _add_body(arrays, meshes, self.links)
+        header["parts"] = _add_skins(arrays, skins, self.layers, self.links, taxels, vertices)
+        self.packed = pack(header, arrays)
+
+    @property
+    def name(self) -> str:
+        """Another one for another scene: a page that is open must be loaded anew then."""
+        return hashlib.sha256(self.packed).hexdigest()[:16]
 
 
 def first_rows(sizes: Iterable[int]) -> list[int]:

@@ -52,7 +52,7 @@ from viewer.web.guard import (
     page_headers,
 )
 from viewer.web.hub import Hub
-from viewer.web.scene_data import make_scene
+from viewer.web.scene_data import WebScene
 
 PORT = 8080
 LARGEST = 4096  # bytes of a message from a page: it sends wishes of some words
@@ -187,7 +187,7 @@ def new_hub(
     layers.get(layer)
     saved = None if view is None else content_of(view)
     first = {"layer": layer, "style": style, "view": saved, "size": size, "title": title}
-    scene = make_scene(robot, skins, angles=angles, links=links)
+    scene = WebScene(robot, skins, angles=angles, links=links)
     return Hub(scene, player, layers, first, waits=waits)
 
 

@@ -15,7 +15,7 @@ from skinmap.errors import InvalidMeshError, check_known
 from skinmap.io.flat_maps.drawing import read_drawing
 from skinmap.io.taxels.cyskin import file_faults, read_cyskin, set_faults
 from skinmap.io.taxels.taxel_table import read_taxels
-from skinmap.skin.checks import ModuleCheck, check_modules, mirror_distance
+from skinmap.skin.checks import ModuleCheck, mirror_distance
 from skinmap.skin.cover import FAR, SkinFit, Standing, judge_standing, measure_fit
 from skinmap.skin.modules import ModuleLayout, module_layout, module_normals
 from skinmap.skin.repair import ALL_STEPS, NORMALS, RepairReport, repair_table
@@ -56,7 +56,7 @@ def inspect_part(robot: Robot, name: str) -> PartRow:
     warnings += _without_surface(skin)
     warnings += _same_place(robot, name)
     if spec.layout is not None:
-        check = check_modules(report.table, skin, spec.layout, robot.module_frames(name))
+        check = ModuleCheck(report.table, skin, spec.layout, robot.module_frames(name))
         more["module_side_mm"] = check.side * MM
         more["swapped"] = {str(module): there for module, there in check.swapped.items()}
         warnings += _module_warnings(check, spec.layout.side)
@@ -125,7 +125,7 @@ def inspect_table(
     more: dict[str, Any] = {"distance_mm": None}
     warnings: list[str] = []
     if layout is not None:
-        check = check_modules(report.table, skin, layout, {})
+        check = ModuleCheck(report.table, skin, layout, {})
         more["module_side_mm"] = check.side * MM
         warnings += _module_warnings(check, layout.side)
     return _row(report, path.stem, table.link, skin.normals, layout, warnings, faults, **more)

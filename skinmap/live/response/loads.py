@@ -30,7 +30,7 @@ from skinmap.errors import SkinMismatchError
 from skinmap.geometry.triangles import unit
 from skinmap.io.recordings.recorded_stream import Kind
 from skinmap.live.response.pressures import FOLLOWED, by_part
-from skinmap.physics.pressing import spring_bed
+from skinmap.physics.pressing import SpringBed
 from skinmap.surface.surface_mesh import SurfaceMesh
 from skinmap.touch.contacts.skin_geometry import HARD
 from skinmap.touch.load_calibration import NORMAL_90, ROUND, Covering, LoadCalibration
@@ -180,7 +180,7 @@ class PartForces:
         )
         found[own] = plain
         if len(skin.mesh.faces):  # taxels in a row have no surface between them
-            bed = spring_bed(skin.skin, skin.mesh)
+            bed = SpringBed(skin.skin, skin.mesh)
             wide = SPREAD if covering is None else max(SPREAD, covering.spread)
             feels, moments = csr_array(bed.spread(wide)), np.cross(bed.places, bed.normals)
             wanted = np.column_stack([np.ones(len(bed.places)), -bed.normals, -moments])

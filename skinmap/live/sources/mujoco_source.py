@@ -19,11 +19,12 @@ from skinmap.errors import InvalidArrayError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.sources.simulated_source import MadeSource, TrueTouch
 from skinmap.live.sources.source import SIMULATION, describe_skins
-from skinmap.physics.pressing import SpringBed, spring_bed
+from skinmap.physics.pressing import SpringBed
 from skinmap.physics.robot_model import RobotModel
-from skinmap.physics.simulation import TRIES, place_at
+from skinmap.physics.simulation import place_at
 from skinmap.skin.robot import Robot
 from skinmap.touch.simulation.gestures import LONG_ON_SKIN, ON_SKIN
+from skinmap.touch.simulation.simulator import TRIES
 from skinmap.touch.simulation.variety import Sensing, Sensors
 
 ABOVE = 6e-3  # pressers come from so far above the skin [m]
@@ -99,7 +100,7 @@ class MujocoTouching:
         for _ in range(TRIES):
             part = int(self._rng.integers(len(self._skins)))
             if part not in self._beds:
-                self._beds[part] = spring_bed(self._skins[part])
+                self._beds[part] = SpringBed(self._skins[part])
             taxel = int(self._rng.integers(len(self._skins[part])))
             angle = float(self._rng.uniform(0.0, 2.0 * np.pi))
             found = place_at(self._beds[part], presser, taxel, angle)

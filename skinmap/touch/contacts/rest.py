@@ -48,8 +48,7 @@ class Rest:
     stuck: BoolArray
 
     def __post_init__(self) -> None:
-        for name in ("offset", "begins", "goes_on", "stuck"):
-            freeze(self, **{name: np.array(getattr(self, name))})
+        freeze(self)
 
     def __len__(self) -> int:
         return len(self.begins)

@@ -66,8 +66,7 @@ class SkinGeometry:
     _table: list[NDArray[np.float32]] = field(default_factory=list, repr=False)
 
     def __post_init__(self) -> None:
-        freeze(self, links=self.links, bridged=self.bridged)
-        freeze(self, areas=self.areas, border=self.border)
+        freeze(self)
 
     def __len__(self) -> int:
         return len(self.areas)
@@ -148,11 +147,9 @@ def _both_ways(pairs: IntArray) -> IntArray:
 def border_taxels(mesh: SurfaceMesh) -> BoolArray:
     """(n,) whether each taxel lies on the edge of its patch (or in no triangle)."""
     pairs, count = np.unique(np.sort(half_edges(mesh.faces), axis=1), axis=0, return_counts=True)
-    border = np.zeros(len(mesh.skin), bool)
-    border[pairs[count == 1].ravel()] = True
-    unused = np.ones(len(border), bool)
-    unused[mesh.faces.ravel()] = False
-    return np.asarray((border | unused)[mesh.representative])
+    taxels = np.arange(len(mesh.skin))
+    border = np.isin(taxels, pairs[count == 1]) | ~np.isin(taxels, mesh.faces)
+    return np.asarray(border[mesh.representative])
 
 
 def _full_cells(mesh: SurfaceMesh, border: BoolArray, pitch: FloatArray) -> FloatArray:
@@ -403,8 +400,7 @@ def find_contacts(
         piece = connected(geometry.bridged, active, index)
         # Scaled first: sums of huge numbers overflow.
         load = np.bincount(piece, pressures[index] / pressures[index].max())
-        rank = np.empty(len(load), np.int64)
-        rank[np.argsort(-load, kind="stable")] = np.arange(len(load))
+        rank = np.argsort(np.argsort(-load, kind="stable"))
         label[index] = rank[piece]
     return Contacts(geometry, pressures, label, weigh)
 
@@ -434,7 +430,5 @@ def pieces(one: IntArray, other: IntArray, count: int) -> IntArray:
         if (new == label).all():
             break
         label = new
-    roots = np.flatnonzero(label == np.arange(count))
-    rank = np.empty(count, np.int64)
-    rank[roots] = np.arange(len(roots))
+    rank = np.cumsum(label == np.arange(count)) - 1  # of the roots, which bear their own label
     return rank[label]

@@ -117,7 +117,7 @@ def contact_width(body: Body, stiffness: float) -> float:
 
 def _flat_depth(body: Body, stiffness: float) -> float:
     """How deep a body sinks into a flat bed [m]: as a ball or as a straight bar, the lesser."""
-    length = float(np.hypot(*np.subtract(body.end, body.start)))
+    length, _ = body.axis
     ball = np.sqrt(body.force / (np.pi * stiffness * body.radius))
     if length == 0:
         return float(ball)
@@ -149,11 +149,9 @@ def curvature_at(point: FloatArray, places: FloatArray, skin: Skin, rows: np.nda
 
 def followed(body: Body, bend: FloatArray) -> FloatArray:
     """(2, 2) what is left of the skin's bend under a body whose axis follows it, or some of it."""
-    axis = np.subtract(body.end, body.start)
-    length = float(np.hypot(*axis))
+    length, along = body.axis
     if length == 0 or body.follows == 0:
         return bend
-    along = axis / length
     return np.asarray(bend - body.follows * float(along @ bend @ along) * np.outer(along, along))
 
 
@@ -167,10 +165,7 @@ def _pressures(
 
 def _gaps(body: Body, bend: FloatArray, points: FloatArray) -> FloatArray:
     """(m,) distance between body and skin at points (m, 2) before it sinks in [m]."""
-    start, end = np.array(body.start), np.array(body.end)
-    axis = end - start
-    length = float(np.hypot(*axis))
-    direction = axis / length if length > 0 else np.array([1.0, 0.0])
+    length, direction = body.axis
     away = points - body.middle
     along = away @ direction
     across = away @ np.array([-direction[1], direction[0]])
@@ -184,14 +179,11 @@ def _gaps(body: Body, bend: FloatArray, points: FloatArray) -> FloatArray:
 
 def _search(body: Body, bend: FloatArray, stiffness: float) -> tuple[FloatArray, float]:
     """Points (m, 2) of a grid over the place where a body can touch, and the area of each [m2]."""
-    half = 0.5 * float(np.hypot(*np.subtract(body.end, body.start)))
+    length, first = body.axis
     guess = np.sqrt(body.force / (np.pi * stiffness * body.radius))  # a bar may stand on one end
     wide = min(body.radius, 1.6 * np.sqrt(2.0 * body.radius * guess) + SEEK)
-    along = np.linspace(-half - wide, half + wide, STEPS[0])
+    along = np.linspace(-0.5 * length - wide, 0.5 * length + wide, STEPS[0])
     across = np.linspace(-wide, wide, STEPS[1])
-    axis = np.subtract(body.end, body.start)
-    length = float(np.hypot(*axis))
-    first = axis / length if length > 0 else np.array([1.0, 0.0])
     second = np.array([-first[1], first[0]])
     grid = body.middle + along[:, None, None] * first + across[None, :, None] * second
     area = float((along[1] - along[0]) * (across[1] - across[0]))

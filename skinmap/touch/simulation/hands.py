@@ -67,6 +67,13 @@ class Body:
     lean: tuple[float, float] = (0.0, 0.0)
 
     @property
+    def axis(self) -> tuple[float, FloatArray]:
+        """Length of the axis [m] and its direction (2,), along x for a ball."""
+        way = np.subtract(self.end, self.start)
+        length = float(np.hypot(*way))
+        return length, way / length if length > 0 else np.array([1.0, 0.0])
+
+    @property
     def middle(self) -> FloatArray:
         """(2,) middle of the axis [m]."""
         return np.asarray(0.5 * (np.array(self.start) + np.array(self.end)))
@@ -149,8 +156,8 @@ def oblique(bodies: list[Body], rng: np.random.Generator) -> list[Body]:
         middle = body.middle
         found.append(
             replace(
-                body, start=_pair(middle - half), end=_pair(middle + half), force=force,
-                lean=_pair(lean),
+                body, start=pair(middle - half), end=pair(middle + half), force=force,
+                lean=pair(lean),
             )
         )  # fmt: skip
     return found
@@ -159,10 +166,12 @@ def oblique(bodies: list[Body], rng: np.random.Generator) -> list[Body]:
 def rolled(bodies: list[Body], rng: np.random.Generator) -> list[Body]:
     """The bodies after they rolled and dragged the skin along, all by 1 to 5 mm one way."""
     turn, far = float(rng.uniform(0.0, 2.0 * np.pi)), float(rng.uniform(*ROLLED))
-    step = far * np.array([np.cos(turn), np.sin(turn)])
-    return [
-        replace(one, start=_pair(step + one.start), end=_pair(step + one.end)) for one in bodies
-    ]
+    return shifted(bodies, far * np.array([np.cos(turn), np.sin(turn)]))
+
+
+def shifted(bodies: Sequence[Body], by: FloatArray) -> list[Body]:
+    """Bodies moved along the plane by a step (2,) [m]."""
+    return [replace(one, start=pair(by + one.start), end=pair(by + one.end)) for one in bodies]
 
 
 def fingertip(at: tuple[float, float], weight: float, draw: Draw) -> Body:
@@ -173,7 +182,7 @@ def fingertip(at: tuple[float, float], weight: float, draw: Draw) -> Body:
     start, end = np.array(at) - reach, np.array(at) + reach
     radius = draw.length(6.0, 9.5)
     flesh = draw.ratio(*FLESH)
-    return Body(_pair(start), _pair(end), radius, 0.0, weight, flesh)
+    return Body(pair(start), pair(end), radius, 0.0, weight, flesh)
 
 
 def phalanges(
@@ -188,8 +197,8 @@ def phalanges(
         inset = draw.within(0.1, 0.35) * length * direction
         bodies.append(
             Body(
-                _pair(at + inset),
-                _pair(far - inset),
+                pair(at + inset),
+                pair(far - inset),
                 radius * draw.within(0.85, 1.15),
                 draw.within(0.0, 24.0),
                 length,
@@ -215,7 +224,7 @@ def full_finger(draw: Draw) -> list[Body]:
         start = np.array([-0.5 * total, 0.0])
         flesh, bow = draw.ratio(*FLESH), draw.within(0.0, 8.0)
         follows = draw.within(0.3, 0.95)
-        return [Body(_pair(start), _pair(-start), radius, bow, force, flesh, follows)]
+        return [Body(pair(start), pair(-start), radius, bow, force, flesh, follows)]
     shares = np.array(PHALANGES)
     first = 1 if draw.rng.random() < 0.4 * draw.variety else 0  # the base hangs in the air
     lengths = (1.25 if first else 1.0) * total * shares[first:]
@@ -276,9 +285,7 @@ def _palm(width: float, draw: Draw) -> list[Body]:
         small = radius < 0.2
         if draw.rng.random() < (0.35 if small else 0.15) * draw.variety:
             continue
-        ends = [
-            _pair(width * np.array(end_) + draw.rng.normal(0, 2e-3, 2)) for end_ in (start, end)
-        ]
+        ends = [pair(width * np.array(end_) + draw.rng.normal(0, 2e-3, 2)) for end_ in (start, end)]
         bodies.append(
             Body(ends[0], ends[1], width * radius * draw.within(0.7, 1.3), 12.0, weight, flesh)
         )
@@ -317,7 +324,8 @@ def cylinder(draw: Draw) -> list[Body]:
     return [Body((-half, 0.0), (half, 0.0), radius, 0.0, draw.force(4.0, 30.0), STIFF)]
 
 
-def _pair(point: FloatArray) -> tuple[float, float]:
+def pair(point: FloatArray) -> tuple[float, float]:
+    """A point (2,) as plain numbers."""
     return float(point[0]), float(point[1])
 
 
@@ -328,7 +336,6 @@ HANDS: dict[str, Callable[[Draw], list[Body]]] = {
 
 
 SIDES = 10  # straight pieces that a ring is made of
-Point = tuple[float, float]
 
 
 def several_fingers(draw: Draw) -> list[Body]:
@@ -430,7 +437,7 @@ def _pieces(
     corners: np.ndarray, thick: float, force: float, draw: Draw, uneven: float
 ) -> list[Body]:
     """A bent bar through corners (k, 2), each straight piece with its share of the force."""
-    ends: list[Point] = [(float(x), float(y)) for x, y in corners]
+    ends = [pair(corner) for corner in corners]
     bars = [
         Body(a, b, thick, 0.0, float(np.hypot(b[0] - a[0], b[1] - a[1])), STIFF)
         for a, b in pairwise(ends)

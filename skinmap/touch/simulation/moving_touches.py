@@ -27,7 +27,7 @@ from skinmap.geometry.triangles import unit
 from skinmap.skin.skin import Skin
 from skinmap.touch.recording import TrueMotion
 from skinmap.touch.simulation.elastic_bed import Foam, bed_loads
-from skinmap.touch.simulation.hands import HANDS, STIFF, Body, Draw, fingertip, shared
+from skinmap.touch.simulation.hands import HANDS, STIFF, Body, Draw, fingertip, shared, shifted
 from skinmap.touch.simulation.variety import Subject
 
 SPEED = (0.02, 0.3)  # of strokes [m/s]
@@ -264,7 +264,7 @@ def twist(draw: Draw, timing: Timing) -> TimeGesture:
         return Course(time, press, np.zeros(len(time)), bent, np.zeros(1), np.array([end]))
 
     middle = np.mean([one.middle for one in made], axis=0)
-    return TimeGesture(tuple(_shifted(made, -middle)), 0.0, 0.0, course)
+    return TimeGesture(tuple(shifted(made, -middle)), 0.0, 0.0, course)
 
 
 def _held(timing: Timing, lasting: float, waves: int) -> Course:
@@ -295,13 +295,6 @@ def hold(draw: Draw, timing: Timing) -> TimeGesture:
     made = HANDS[kinds[int(draw.rng.integers(len(kinds)))]](draw)
     lasting = float(draw.rng.uniform(2.0, 5.0))
     return TimeGesture(tuple(made), 0.0, 0.0, lambda _: _held(timing, lasting, 0))
-
-
-def _shifted(bodies: Sequence[Body], by: FloatArray) -> list[Body]:
-    def moved(point: tuple[float, float]) -> tuple[float, float]:
-        return float(point[0] + by[0]), float(point[1] + by[1])
-
-    return [replace(one, start=moved(one.start), end=moved(one.end)) for one in bodies]
 
 
 TIME_GESTURES: dict[str, Callable[[Draw, Timing], TimeGesture]] = {

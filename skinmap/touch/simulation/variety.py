@@ -205,9 +205,8 @@ class Sensors:
         lost = np.zeros(count, bool)
         if self.sensing.gaps > 0:
             begins = np.flatnonzero(rng.random(count) < self.sensing.gaps / np.mean(GAP))
-            for first, size in zip(
-                begins, rng.integers(GAP[0], GAP[1] + 1, len(begins)), strict=True
-            ):
+            sizes = rng.integers(GAP[0], GAP[1] + 1, len(begins))
+            for first, size in zip(begins, sizes, strict=True):
                 lost[first : first + size] = True
         return lost
 
@@ -366,16 +365,21 @@ class Subject:
     left: bool = False
 
 
+def hand_sizes(further: float) -> tuple[float, float]:
+    """Sizes of the smallest and the largest hand, 1 = adult; `further` is 1 for nearly all."""
+    low, high = HAND
+    return low - further * (low - ALL_HANDS[0]), high + further * (ALL_HANDS[1] - high)
+
+
 def draw_subjects(
     count: int, *, rng: np.random.Generator, further: float = 0.0
 ) -> tuple[Subject, ...]:
     """Subjects with hands from child to adult, and `further` people from 0 to 1 beside these."""
-    low, high = HAND
-    low, high = low - further * (low - ALL_HANDS[0]), high + further * (ALL_HANDS[1] - high)
+    sizes = hand_sizes(further)
     return tuple(
         Subject(
             number,
-            float(rng.uniform(low, high)),
+            float(rng.uniform(*sizes)),
             float(np.exp(rng.normal(-0.2 * further, 0.15 + 0.35 * further))),
             float(np.exp(rng.normal(-0.3 * further, 0.2 + 0.2 * further))),
             int(rng.integers(HABITS)),

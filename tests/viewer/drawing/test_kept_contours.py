@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from viewer.drawing.skin.skin_layer import build_layer
+from viewer.drawing.skin.skin_layer import SkinLayer
 from viewer.drawing.touches import touch_marks as kept_contours
 from viewer.drawing.touches.touch_marks import Ground, KeptContours
 
@@ -13,10 +13,10 @@ from viewer.drawing.touches.touch_marks import Ground, KeptContours
 @pytest.fixture
 def pressed(prepared, press):
     """A layer with a touch that has a number, its ground, and how often a field was asked for."""
-    layer = build_layer(prepared("torso").mesh)
+    layer = SkinLayer(prepared("torso").mesh)
     pressures, touch = press("torso", 100)
     layer.set_pressures(pressures)
-    return layer, Ground.of(layer, layer.places), replace(touch, identity=7)
+    return layer, Ground(layer, layer.places), replace(touch, identity=7)
 
 
 @pytest.fixture
@@ -42,6 +42,6 @@ def test_contour_for_two_surfaces_takes_one_field(pressed, asked):
     layer, ground, touch = pressed
     kept = KeptContours()
     one = kept.of(ground, layer, touch, [touch], 0.0)
-    two = kept.of(Ground.of(layer, layer.places), layer, touch, [touch], 0.0)
+    two = kept.of(Ground(layer, layer.places), layer, touch, [touch], 0.0)
     assert len(asked) == 1
     np.testing.assert_array_equal(one, two)

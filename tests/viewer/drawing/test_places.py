@@ -9,9 +9,15 @@ from skinmap.live.contacts.named_touch import NamedTouch
 from skinmap.skin.skin import Skin
 from skinmap.touch.prepared_skin import PreparedSkin
 from tests.viewer.unpacking import unpack
-from viewer.drawing.skin.skin_layer import body_places, flat_places, mark_scale, refine, taxel_cells
+from viewer.drawing.skin.skin_layer import (
+    FineSurface,
+    body_places,
+    flat_places,
+    mark_scale,
+    taxel_cells,
+)
 from viewer.drawing.touches.touch_marks import LONG, arrow
-from viewer.web.scene_data import make_scene
+from viewer.web.scene_data import WebScene
 
 
 @pytest.fixture(scope="module")
@@ -41,7 +47,7 @@ def test_cells_share_each_triangle_out_equally(square_grid):
 
 
 def test_flat_map_has_all_triangles_though_a_seam_cuts_it(tube):
-    fine = refine(tube.mesh)
+    fine = FineSurface(tube.mesh)
     assert sum(chart.seam_length for chart in tube.flat.charts) > 0, "the tube is cut open"
     places = flat_places(tube.flat, fine, 1e-3)
     assert len(places.faces) == len(fine.faces)
@@ -56,7 +62,7 @@ def test_flat_map_has_all_triangles_though_a_seam_cuts_it(tube):
 
 
 def test_body_and_flat_map_show_the_same_value_at_the_same_taxel(tube):
-    fine = refine(tube.mesh)
+    fine = FineSurface(tube.mesh)
     flat = flat_places(tube.flat, fine, 1e-3)
     body = body_places(tube.mesh, fine)
     values = np.random.default_rng(0).uniform(0, 255, len(tube))
@@ -70,7 +76,7 @@ def test_body_and_flat_map_show_the_same_value_at_the_same_taxel(tube):
 def test_discs_of_neighbours_do_not_touch(tube):
     from scipy.spatial import cKDTree
 
-    places = body_places(tube.mesh, refine(tube.mesh))
+    places = body_places(tube.mesh, FineSurface(tube.mesh))
     apart = cKDTree(places.centres).query(places.centres, k=2)[0][:, 1]
     assert (2 * places.disc < apart).mean() > 0.95
 
@@ -85,7 +91,7 @@ def test_lifts_and_arrows_are_of_the_size_of_the_skin(factor, scale):
     skin = Skin("plate", "link", rows, rows, factor * flat, up)
     assert mark_scale(skin) == pytest.approx(scale)
     mesh = PreparedSkin(skin).mesh
-    places = body_places(mesh, refine(mesh))
+    places = body_places(mesh, FineSurface(mesh))
     assert places.centres[:, 2] == pytest.approx(2.35e-3 * scale)
     touch = NamedTouch("plate", rows[:3], np.zeros(3), "poke", 0.9, normal=up[0], peak=255.0)
     ((points, _, _),) = arrow(touch, np.eye(4), places.scale)
@@ -102,7 +108,7 @@ def test_arrows_on_a_small_pad_are_about_as_long_as_it():
 def test_a_page_has_the_flat_map_whole_on_both_sides_of_a_seam(tube, opengl):
     robot = load_robot("kaspar")  # a link for the tube
     tube = PreparedSkin(replace(tube.skin, link=robot.skin("torso").link))
-    header, arrays = unpack(make_scene(robot, {"torso": tube}).packed)
+    header, arrays = unpack(WebScene(robot, {"torso": tube}).packed)
     part = header["parts"][0]
     assert part["flat_faces"][1] == part["sheet_faces"][1], "no face is left out"
     uv = np.concatenate([arrays["sheet.uv"], arrays["seam.uv"]]).reshape(-1, 2).astype(float)

@@ -10,7 +10,7 @@ import pytest
 from viewer import Layers
 from viewer.export.html_page import page
 from viewer.web.sample import pack_reel
-from viewer.web.scene_data import make_scene
+from viewer.web.scene_data import WebScene
 
 STUCK, NOISY = [3, 4, 5], [60]
 UNKNOWN = 255
@@ -33,7 +33,7 @@ def tab(request, open_desk, start, hanging, icub, prepared, tmp_path):
         address = start(moments=[hanging]).url
     else:
         skins = {part: prepared(part) for part in ("torso", "left_arm")}
-        scene = make_scene(icub, skins, links=("chest",))
+        scene = WebScene(icub, skins, links=("chest",))
         path = tmp_path / "page.html"
         path.write_text(page(scene.packed, pack_reel(scene, Layers(skins), [hanging]), "iCub"))
         address = path.as_uri()

@@ -17,7 +17,7 @@ from viewer.web.sample import (
     table_rows,
     taxel_bytes,
 )
-from viewer.web.scene_data import make_scene
+from viewer.web.scene_data import WebScene
 
 PARTS = ("torso", "left_arm")
 
@@ -29,7 +29,7 @@ def skins(prepared):
 
 @pytest.fixture(scope="module")
 def scene(icub, skins, opengl):
-    return make_scene(icub, skins, links=("chest",))
+    return WebScene(icub, skins, links=("chest",))
 
 
 @pytest.fixture

@@ -6,7 +6,7 @@ import base64
 import http.client
 import json
 import socket
-from dataclasses import replace
+from copy import copy
 from pathlib import Path
 
 import numpy as np
@@ -259,7 +259,8 @@ def test_stop_ends_pages_and_frees_the_port(start, live):
 def test_slow_readers_of_the_scene_share_one_copy(start):
     server = start()
     # So large that the system's own buffers hold a part of it only.
-    server.hub.scene = replace(server.hub.scene, packed=bytes(12_000_000))
+    server.hub.scene = copy(server.hub.scene)
+    server.hub.scene.packed = bytes(12_000_000)
     host, path = f"127.0.0.1:{server.port}", f"/{server.guard.token}/scene.bin"
     request = f"GET {path} HTTP/1.1\r\nHost: {host}\r\n\r\n".encode()
 

@@ -208,10 +208,9 @@ def posed(robot: Robot, angles: Mapping[str, float]) -> dict[str, FloatArray]:
         low, high = limits[joint]
         slack = SLIDING_SLACK if joint in slides else SLACK
         if not low - slack <= angle <= high + slack:  # false for NaN
+            at, least, most = (readable(one, sliding=joint in slides) for one in (angle, low, high))
             raise InvalidArrayError(
-                f"joint {joint!r} cannot be at {readable(angle, sliding=joint in slides)}: its "
-                f"limits are {readable(low, sliding=joint in slides)} to "
-                f"{readable(high, sliding=joint in slides)}"
+                f"joint {joint!r} cannot be at {at}: its limits are {least} to {most}"
             )
     return robot.body.poses({**robot.pose, **angles})
 

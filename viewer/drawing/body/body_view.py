@@ -73,7 +73,7 @@ class BodyView:
             shade(actor, behind=BEHIND)
             plotter.add_actor(actor, reset_camera=False, render=False)
         self.occluders = Occluders(self.meshes, poses)
-        self._outlines: dict[str, FloatArray] = {}
+        self._outlines: list[tuple[str, FloatArray]] = []
         self._placed: dict[str, FloatArray] = {}  # points where they are now
         self.move(poses)
 
@@ -122,17 +122,16 @@ class BodyView:
         With `close`, of the links that carry the skins alone.
         """
         if not self._outlines:
-            for link, mesh in self.meshes.items():
-                self._outlines[link] = silhouette(thinned(mesh.points))
-            for part, layer in layers.items():
-                self._outlines[f"{layer.skin.link}/{part}"] = silhouette(layer.points)
+            links = [(link, thinned(mesh.points)) for link, mesh in self.meshes.items()]
+            skins = [(layer.skin.link, layer.points) for layer in layers.values()]
+            self._outlines = [(link, silhouette(points)) for link, points in (*links, *skins)]
         if "outline" not in self._placed:
             carriers = {layer.skin.link for layer in layers.values()}
             self._placed["outline"] = np.concatenate(
                 [
-                    transform_points(self.poses[k.split("/")[0]], p)
-                    for k, p in self._outlines.items()
-                    if not close or k.split("/")[0] in carriers
+                    transform_points(self.poses[link], points)
+                    for link, points in self._outlines
+                    if not close or link in carriers
                 ]
             )
         return self._placed["outline"]

@@ -152,9 +152,8 @@ class Canvas:
             props += view.actors
         props.append(self.joined.actor)
         body = Resting(self.renderer, props, self._detail)
-        panel = []
-        if self.panel is not None:
-            panel.append(Resting(self.panel.renderer, self.panel.actors))
+        shown = [] if self.panel is None else [self.panel]
+        panel = (Resting(one.renderer, one.actors) for one in shown)
         return RenderCache(self.plotter.render_window, body, *panel, cached=cached)
 
     def _detail(self, quick: bool) -> None:
@@ -198,8 +197,7 @@ class Canvas:
             self.touch_view.labels.forget()
             self.update(scene, step)
         window: Any = self.plotter.render_window
-        if samples:
-            window.SetMultiSamples(samples)
+        window.SetMultiSamples(samples)
         try:
             if samples:
                 self.cache.draw_all()
@@ -209,8 +207,7 @@ class Canvas:
             pixels = vtkUnsignedCharArray()
             window.GetPixelData(0, 0, width - 1, height - 1, 0, pixels, 0)
         finally:
-            if samples:
-                window.SetMultiSamples(0)
+            window.SetMultiSamples(0)
         picture = vtk_to_numpy(pixels).reshape(height, width, 3)[::-1]
         return np.ascontiguousarray(picture)
 

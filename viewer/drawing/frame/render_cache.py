@@ -170,8 +170,7 @@ class Resting:
         props = self.renderer.GetViewProps()
         time = props.GetMTime()
         if time != self._others[0]:
-            every = [props.GetItemAsObject(k) for k in range(props.GetNumberOfItems())]
-            self._others = time, [prop for prop in every if id(prop) not in self._numbers]
+            self._others = time, [prop for prop in props if id(prop) not in self._numbers]
         return self._others[1]
 
     def _place(self) -> Hashable:
@@ -400,11 +399,8 @@ class RenderCache:
 
     def _make_blank(self) -> None:
         """Keep what each renderer shows when nothing is in it."""
-        hidden = []
-        for one in self.renderers:
-            props = one.renderer.GetViewProps()
-            every = (props.GetItemAsObject(k) for k in range(props.GetNumberOfItems()))
-            hidden += [prop for prop in every if prop.GetVisibility()]
+        every = (prop for one in self.renderers for prop in one.renderer.GetViewProps())
+        hidden = [prop for prop in every if prop.GetVisibility()]
         self._render(list(self.renderers), hidden, unseen=True)
         for one in self.renderers:
             self._copy(self.window.GetRenderFramebuffer(), self._blank, one)

@@ -10,7 +10,7 @@ import pyvista as pv
 from vtkmodules.vtkRenderingCore import vtkActor2D, vtkImageMapper
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import UnknownNameError
+from skinmap.errors import check_known
 from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.topology import border_edges
 from skinmap.live.contacts.named_touch import NamedTouch
@@ -85,7 +85,7 @@ class FlatPanel:
         self.font_px = font_px
         # Where the skin of a part lies on its flat map, what marks on it lie on, and its image.
         self.places = cache(lambda part: flat_places(flat_maps[part], layers[part].fine, DOT))
-        self.ground = cache(lambda part: Ground.of(layers[part], self.places(part)))
+        self.ground = cache(lambda part: Ground(layers[part], self.places(part)))
         self._grid = cache(lambda part: taxel_grid(flat_maps[part]))
         self.drawing = TaxelDrawing(plotter, table)
         self._border = add_actor(plotter, pv.PolyData(), colour=RIM, width=1.5)
@@ -110,11 +110,6 @@ class FlatPanel:
         """What may rest between two pictures."""
         return [*self.drawing.actors, self._border, self._scale]
 
-    @property
-    def outlines(self) -> pv.PolyData:
-        """Lines on the map: outlines and trails."""
-        return self.marks.outlines.lines
-
     def show(self, part: str) -> None:
         """Turn to the flat map of another part.
 
@@ -123,8 +118,7 @@ class FlatPanel:
         UnknownNameError
             A part without one.
         """
-        if part not in self.flat_maps or part not in self.layers:
-            raise UnknownNameError("part with a flat map", part, self.flat_maps)
+        check_known("part with a flat map", [part], self.flat_maps)
         if part == self.part:
             return
         self.part = part

@@ -28,9 +28,16 @@ from viewer.layers import check_values
 RIM = 12  # corners of the disc of a taxel without a surface
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class FineSurface:
-    """A refined surface mesh with v vertices over n taxels.
+    """A refined surface mesh with v vertices over n taxels; gaps and holes stay as they are.
+
+    Taxels without a surface become discs, each a fan of triangles that has the taxel's own value.
+
+    Parameters
+    ----------
+    mesh : SurfaceMesh
+    levels : int
+        How many times each of its edges is halved.
 
     Attributes
     ----------
@@ -48,43 +55,29 @@ class FineSurface:
         Triangles over those, before any edge was halved.
     """
 
-    positions: FloatArray
-    normals: FloatArray
-    faces: IntArray
-    smooth: csr_array
-    linear: csr_array
-    taxels: IntArray
-    coarse: IntArray
-
-
-def refine(mesh: SurfaceMesh, levels: int = 1) -> FineSurface:
-    """Halve each edge of a surface mesh `levels` times; gaps and holes stay as they are.
-
-    Taxels without a surface become discs, each a fan of triangles that has the taxel's own value.
-    """
-    if len(mesh.faces):
-        taxels, compact = np.unique(mesh.faces, return_inverse=True)
-        faces = compact.reshape(-1, 3)
-        positions, normals = mesh.vertices[taxels], mesh.skin.normals[taxels]
-    else:
-        taxels, positions, faces = _discs(mesh.skin)
-        normals = mesh.skin.normals[taxels]
-    coarse = faces
-    n = len(mesh.representative)
-    # Taxels that are one vertex of the mesh have its mean.
-    smooth = means(mesh.representative, np.arange(n), (n, n))[taxels]
-    linear = smooth
-    for _ in range(levels):
-        ends, halves = split(faces)
-        rows = np.repeat(np.arange(len(ends)), 2)
-        middle = means(rows, ends.ravel(), (len(ends), len(positions)))
-        slopes = _slopes(positions, faces, ends)
-        smooth = vstack([smooth, (middle + slopes) @ smooth], format="csr")
-        linear = vstack([linear, middle @ linear], format="csr")
-        positions = np.vstack([positions, _curved(positions, normals, ends)])
-        normals = np.vstack([normals, unit(normals[ends[:, 0]] + normals[ends[:, 1]])])
-        faces = halves
-    return FineSurface(positions, normals, faces, smooth, linear, taxels, coarse)
+    def __init__(self, mesh: SurfaceMesh, levels: int = 1) -> None:
+        if len(mesh.faces):
+            self.taxels, compact = np.unique(mesh.faces, return_inverse=True)
+            positions, faces = mesh.vertices[self.taxels], compact.reshape(-1, 3)
+        else:
+            self.taxels, positions, faces = _discs(mesh.skin)
+        self.coarse, normals = faces, mesh.skin.normals[self.taxels]
+        n = len(mesh.representative)
+        # Taxels that are one vertex of the mesh have its mean.
+        smooth = means(mesh.representative, np.arange(n), (n, n))[self.taxels]
+        linear = smooth
+        for _ in range(levels):
+            ends, halves = split(faces)
+            rows = np.repeat(np.arange(len(ends)), 2)
+            middle = means(rows, ends.ravel(), (len(ends), len(positions)))
+            slopes = _slopes(positions, faces, ends)
+            smooth = vstack([smooth, (middle + slopes) @ smooth], format="csr")
+            linear = vstack([linear, middle @ linear], format="csr")
+            positions = np.vstack([positions, _curved(positions, normals, ends)])
+            normals = np.vstack([normals, unit(normals[ends[:, 0]] + normals[ends[:, 1]])])
+            faces = halves
+        self.positions, self.normals, self.faces = positions, normals, faces
+        self.smooth, self.linear = smooth, linear
 
 
 def _discs(skin: Skin) -> tuple[IntArray, FloatArray, IntArray]:
@@ -403,13 +396,15 @@ EDGE_DEPTH = 5.0e-3  # how far the sheet's edge reaches down to the body [m]
 HALF = 0.5  # share of a vertex's value that must be known for it to be drawn
 
 
-@dataclass(eq=False, slots=True)
 class SkinLayer:
     """What is drawn of one part, in the frame of its link.
 
-    Attributes
+    Parameters
     ----------
     mesh : SurfaceMesh
+
+    Attributes
+    ----------
     fine : FineSurface
         v vertices.
     places : Places
@@ -428,15 +423,14 @@ class SkinLayer:
         What is felt now, 0 to 255 counts; NaN where nothing is known, as of mute taxels.
     """
 
-    mesh: SurfaceMesh
-    fine: FineSurface
-    places: Places
-    shell: pv.PolyData
-    edge: pv.PolyData
-    border: IntArray
-    beside: csr_array
-    soft: csr_array
-    pressures: FloatArray
+    def __init__(self, mesh: SurfaceMesh) -> None:
+        self.mesh, self.fine = mesh, FineSurface(mesh)
+        self.places = body_places(mesh, self.fine)
+        self.shell = underside(self.places, self.fine)
+        self.edge = underside(self.places, self.fine, quick=True)
+        self.border, self.beside = border_edges(self.fine.faces), neighbour_mean(mesh)
+        self.soft = self.fine.smooth @ self.beside
+        self.pressures = np.zeros(len(mesh.skin))
 
     @property
     def skin(self) -> Skin:
@@ -462,24 +456,6 @@ class SkinLayer:
     def set_pressures(self, pressures: ArrayLike) -> None:
         """Take pressures (n,) of 0 to 255 counts."""
         self.pressures = check_values(pressures, len(self.skin), self.skin.part)
-
-
-def build_layer(mesh: SurfaceMesh, *, levels: int = 1) -> SkinLayer:
-    """Sheet, edge and marks for one part's surface mesh."""
-    fine = refine(mesh, levels)
-    places = body_places(mesh, fine)
-    beside = neighbour_mean(mesh)
-    return SkinLayer(
-        mesh,
-        fine,
-        places,
-        underside(places, fine),
-        underside(places, fine, quick=True),
-        border_edges(fine.faces),
-        beside,
-        fine.smooth @ beside,
-        np.zeros(len(mesh.skin)),
-    )
 
 
 def neighbour_mean(mesh: SurfaceMesh) -> csr_array:

@@ -44,13 +44,17 @@ RING_HALO = 0.22  # white on both sides of the ring, in radii of a disc
 RISE = 5e-4  # above the discs [m]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
 class Ground:
-    """The surface that marks of one part lie on.
+    """The surface that marks of one part lie on: the body's, or that of the flat map.
+
+    Parameters
+    ----------
+    layer : SkinLayer
+    places : Places
+        Where the part lies on it.
 
     Attributes
     ----------
-    places : Places
     border : (b, 2) int
         Border edges of its sheet.
     tree : cKDTree
@@ -59,18 +63,11 @@ class Ground:
         A point of `places` for each of those.
     """
 
-    places: Places
-    border: IntArray
-    tree: cKDTree
-    point: IntArray
-
-    @classmethod
-    def of(cls, layer: SkinLayer, places: Places) -> Ground:
-        """The body's or the flat map's surface of a part."""
-        tree = cKDTree(layer.fine.positions)
-        point = np.zeros(len(layer.fine.positions), np.int64)
-        point[places.vertex] = np.arange(len(places.vertex))
-        return cls(places, border_edges(places.faces), tree, point)
+    def __init__(self, layer: SkinLayer, places: Places) -> None:
+        self.places, self.border = places, border_edges(places.faces)
+        self.tree = cKDTree(layer.fine.positions)
+        self.point = np.zeros(len(layer.fine.positions), np.int64)
+        self.point[places.vertex] = np.arange(len(places.vertex))
 
     def carried(self, points: FloatArray, lift: float) -> FloatArray:
         """(p, 3) where points (p, 3) of the skin [m] lie on this surface, lifted above it."""
@@ -243,9 +240,8 @@ def motion_way(touch: NamedTouch, scale: float = 1.0) -> tuple[FloatArray, float
     if touch.motion is None or touch.motion.heading == "still":
         return None
     speed = touch.motion.speed
-    return touch.motion.velocity / speed, float(
-        np.clip(AHEAD * speed, NEAREST * scale, FARTHEST * scale)
-    )
+    reach = np.clip(AHEAD * speed, NEAREST * scale, FARTHEST * scale)
+    return touch.motion.velocity / speed, float(reach)
 
 
 @lru_cache(maxsize=64)
@@ -492,7 +488,7 @@ class TouchView:
         self.marks = TouchMarks(plotter)
         self.labels = LabelLayer(plotter.renderer, round(1.1 * font_px))
         self.targets: list[Target] = []
-        self._ground = cache(lambda part: Ground.of(layers[part], layers[part].places))
+        self._ground = cache(lambda part: Ground(layers[part], layers[part].places))
         self._touches: tuple[NamedTouch, ...] = ()
         self._anchors = self._tips = np.zeros((0, 3))
         self._hidden: dict[str, bool] = {}
@@ -516,13 +512,8 @@ class TouchView:
             ground = self._ground(touch.part)
             scale = layer.places.scale
             lift = LINE_LIFT * scale
-            for points, colour in (
-                *trail_on(ground, touch, lift),
-                (
-                    self.contours.of(ground, layer, touch, touches, lift),
-                    touch_colour(touch),
-                ),
-            ):
+            contour = self.contours.of(ground, layer, touch, touches, lift)
+            for points, colour in (*trail_on(ground, touch, lift), (contour, touch_colour(touch))):
                 placed = transform_points(pose, points.reshape(-1, 3)).reshape(-1, 2, 3)
                 lines.append((placed, colour))
             arrows = arrow(touch, pose, scale)
@@ -568,11 +559,8 @@ class TouchView:
             words = caption(self._touches[row])
             inward = None
             if hidden and busy is not None:  # a line to it would point through the body
-                centre, anchor, words = (
-                    anchor,
-                    self._edge(anchor, framing, busy),
-                    f"{words}, behind",
-                )
+                centre, words = anchor, f"{words}, behind"
+                anchor = self._edge(centre, framing, busy)
                 inward = (centre[0] - anchor[0], centre[1] - anchor[1])
             colour = tint(touch_colour(self._touches[row]))
             labels.append(Label(names[row], words, colour, anchor, hidden, inward))

@@ -19,6 +19,7 @@ from viewer.drawing.words.shapes import Line, Shape, Shapes, small_font, tint
 
 Course = Literal["force", "pressure", "area", "probability", "speed"]
 COURSES: tuple[Course, ...] = get_args(Course)
+PLOT_KINDS = ("taxels", *COURSES)
 UNITS = {"force": "N", "pressure": "counts", "area": "mm²", "probability": "%", "speed": "mm/s"}
 COLUMNS = {"force": 0, "pressure": 1, "area": 2, "probability": 3}  # of what is measured
 SECONDS, SAMPLES = 10.0, 500  # that are plotted: 50 a second
@@ -139,13 +140,8 @@ def plot_touches(
 ) -> Plot:  # fmt: skip
     """How touches went over `span` seconds up to a time [s]."""
     times, values, names, unit = courses(thinned(moments), course, len(TRACES), chosen)
-    known = np.asarray(
-        np.isfinite(values).any(axis=0)
-    )  # touches that are over may have no probability
-    values, names = (
-        values[:, known],
-        [name for name, one in zip(names, known.tolist(), strict=True) if one],
-    )
+    known = np.isfinite(values).any(axis=0)  # touches that are over may have no probability
+    names, values = [names[k] for k in np.flatnonzero(known)], values[:, known]
     largest = float(values[np.isfinite(values)].max(initial=0.0))
     top = 100.0 if course == "probability" else round_up(largest)
     title = "largest pressure" if unit == "counts" else course
@@ -175,9 +171,8 @@ def plot_taxels(
     mean = np.where(count, np.where(known, values, 0).sum(axis=1) / np.maximum(count, 1), np.nan)
     most = np.where(count, np.where(known, values, -1).max(axis=1), np.nan)
     both = np.column_stack([mean, most])
-    return Plot(
-        title, times - now, both, ["mean", f"largest of {len(taxels)} taxels"], TOP, span
-    )  # fmt: skip
+    names = ["mean", f"largest of {len(taxels)} taxels"]
+    return Plot(title, times - now, both, names, TOP, span)
 
 
 def thinned(moments: Sequence[Moment]) -> Sequence[Moment]:

@@ -304,7 +304,7 @@ class LabelLayer:
         corner = 0.42 * self.font_px
         for label, box in zip(labels, self.boxes, strict=True):
             colour, anchor = rgb(label.colour) * 255, np.array(label.anchor)
-            lines.append((np.array([anchor, _nearest(box, anchor)]), colour))
+            lines.append((np.array([anchor, np.clip(anchor, box[:2], box[2:])]), colour))
             for radius, tint in ((0.27, WHITE), (0.20, colour), (0.11, WHITE)):
                 if label.inward is not None:
                     half = 1.6 * radius * self.font_px
@@ -320,10 +320,6 @@ def half_disc(centre: FloatArray, radius: float, way: FloatArray) -> FloatArray:
     """Outline (k, 2) of the half of a disc that lies in a direction (2,) [px]."""
     angle = np.arctan2(way[1], way[0]) + np.linspace(-np.pi / 2, np.pi / 2, 12)
     return np.asarray(centre + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
-
-
-def _nearest(box: Box, point: FloatArray) -> FloatArray:
-    return np.clip(point, box[:2], box[2:])
 
 
 def _grown(box: Box, by: float) -> Box:

@@ -46,16 +46,7 @@ class Legend:
         self, layer: Layer, font_px: int, notes: Sequence[str] = (), *, faded: bool = False
     ) -> None:
         """Explain a layer, with notes (why there is no value, how many taxels are marked) below."""
-        key = (
-            layer.name,
-            layer.unit,
-            layer.limits,
-            layer.cut,
-            font_px,
-            tuple(notes),
-            faded,
-            self.renderer.GetSize(),
-        )
+        key = (layer, font_px, tuple(notes), faded, self.renderer.GetSize())
         if key == self._shown:
             return
         self._shown, self._used, self._font_px = key, 0, font_px
