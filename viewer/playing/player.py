@@ -507,7 +507,7 @@ class Player:
         """Let the thread go to a time of the moments' clock."""
         if not self.seekable:
             return False
-        self._asked = max(goal, self.origin)
+        self._asked, self.ended = max(goal, self.origin), False  # it leaves its end
         self._wake.set()
         return True
 

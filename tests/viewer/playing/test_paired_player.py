@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+
 import pytest
 
 from tests.viewer.playing.test_player import RecordedLoop, number, until
@@ -47,6 +49,23 @@ def test_a_pause_brings_both_to_one_time_and_the_longer_goes_on_alone(pair):
     until(left, lambda: left.ended)
     assert number(left.moment) == 199
     assert number(right.moment) == 149, "it stays at its end"
+
+
+def test_play_right_after_a_jump_from_the_end_does_not_wait_for_the_other_one(pair, monkeypatch):
+    """The other one had ended, and is still on its way when both are let go on."""
+    left, right = pair
+    left.play()
+    until(right, lambda: right.ended)
+    until(left, lambda: left.ended)
+    lead, held = right._lead, threading.Event()
+    monkeypatch.setattr(right, "_lead", lambda goal: held.wait(60.0) and lead(goal))
+    left.pause()
+    left.seek(3.6)
+    until(left, lambda: number(left.moment) == 180)
+    left.play()
+    held.set()
+    until(left, lambda: left.ended)
+    assert (number(left.moment), number(right.moment)) == (199, 149)
 
 
 def test_a_later_one_begins_and_stays_later():
