@@ -275,7 +275,8 @@ def _marked(
             f"no part {cells['part']!r}; the parts are: {', '.join(parts)}", path, line
         )
     if not first <= last:
-        raise DataFormatError(f"no sample from {began:g} to {ended:g} s", path, line)
+        held = f"the recording has those from {times[0]:.13g} to {times[-1]:.13g} s"
+        raise DataFormatError(f"no sample from {began:.13g} to {ended:.13g} s; {held}", path, line)
     try:
         label = cells["label"]
         if label != UNNAMED:
