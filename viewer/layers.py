@@ -64,6 +64,7 @@ CHANGES = {
     "stronger": CATEGORIES[6],
     "rest moved": CATEGORIES[1],
     "noisier": CATEGORIES[2],
+    "feels elsewhere": CATEGORIES[4],
 }
 FULL_SCALE = 255.0  # counts
 DIFFERENT = 128.0  # counts, at the ends of the scale of differences

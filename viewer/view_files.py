@@ -203,7 +203,8 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
         scene = new_scene(session, look, size=MOVIE_SIZE, off_screen=True)
         if look.view is None and scene.framing.mode == "auto":
             scene.framing.mode = "still"  # touches come and go all around: it would never rest
-        files.append(write_movie(wanted.movie, movie_frames(scene, moments), MOVIE_FPS))
+        frames = movie_frames(scene, moments, session.speed)
+        files.append(write_movie(wanted.movie, frames, MOVIE_FPS))
         scene.close()
     elif wanted.at is not None:
         best.moment = _at(session, moments, wanted.at)
@@ -279,10 +280,11 @@ def _stills(
 
 
 def _length(session: Session, wanted: Wanted) -> float | None:
+    pace = 1.0 if wanted.movie is None else session.speed  # seconds of a movie are its own
     if wanted.seconds is not None or not session.simulated:
-        return wanted.seconds
+        return wanted.seconds and wanted.seconds * pace
     if wanted.movie is not None:
-        return MOVIE_SECONDS
+        return MOVIE_SECONDS * pace
     return STILL_SECONDS if wanted.html is None else None  # a page plays what was watched
 
 
@@ -354,14 +356,19 @@ class Best:
         return float(total.max())
 
 
-def movie_frames(scene: Scene, moments: Iterable[Moment]) -> Iterator[Picture]:
-    """Pictures (h, w, 3) of moments, 25 for each of their seconds; a turning camera is calm."""
-    due = -math.inf
+def movie_frames(scene: Scene, moments: Iterable[Moment], speed: float = 1.0) -> Iterator[Picture]:
+    """Pictures (h, w, 3) of moments, 25 a second; one stands as long as no sample comes.
+
+    A turning camera is calm.
+    """
+    due, step = -math.inf, speed / MOVIE_FPS
     for moment in moments:
         if moment.time < due - 1e-6:
             continue
-        due = (moment.time if math.isinf(due) else due) + 1.0 / MOVIE_FPS
-        if moment.time > due:
-            due = moment.time + 1.0 / MOVIE_FPS
+        due = moment.time if math.isinf(due) else due
+        while due + step < moment.time + 1e-6:
+            yield scene.frame(CALM)
+            due += step
         scene.follow(moment)
         yield scene.frame(CALM)
+        due += step

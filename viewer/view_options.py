@@ -37,6 +37,7 @@ LIVE = 5.0  # how long a live source is watched for a picture or a movie [s]
 MADE = 12.0  # how long recordings and the simulator are, for a picture [s]
 LEAD = 1.0  # of a recording before the time asked for: touches are named from their past [s]
 STEP = 0.2  # longest wait for a sample before the clock is looked at [s]
+SHOWN = {"moved": "rest moved", "swapped_channels": "feels elsewhere"}  # changes as layers have
 SAME = 1e-6  # times that differ by less are the same [s]
 SILENCE = 5.0  # a live source that sends nothing for so long gives no picture [s]
 
@@ -142,7 +143,8 @@ class Session:
         for part, (times, kept) in self._history.items():
             kinds = ["as before"] * len(kept[0].channels)
             for one in reversed(changes_of(part, times, kept)[0]):  # a changed gain comes first
-                kinds[one.row] = "rest moved" if one.kind == "moved" else one.kind
+                if one.kind != "recovered":
+                    kinds[one.row] = SHOWN.get(one.kind, one.kind)
             found[part] = kinds
         return min((times[0][:10] for times, _ in self._history.values()), default=""), found
 

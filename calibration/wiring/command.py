@@ -106,8 +106,9 @@ def checkup(
         kept = keep_checkup(history, before, examined, result, when)
         result = with_changes(result, examined.cases, kept)
     if output is not None:
-        written = _written(output, result, examined, loaded, when)
-        result = replace(result, files=[*written, *result.files])
+        written = list(_written(output, result, examined, loaded, when))
+        told = [] if written else ["no map was written: no channel is known to be elsewhere"]
+        result = replace(result, files=[*written, *result.files], notes=[*result.notes, *told])
     bad = result.status == "inconsistent"
     present(result, lines, as_json=as_json, verdict=Verdict(result.status if bad else OK))
 

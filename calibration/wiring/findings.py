@@ -51,7 +51,7 @@ class FaultRow:
     kind: str = column(
         "Of modules and chains: swapped, turned, mirrored, reversed, mute; of channels: "
         "swapped_channels, dead, stuck, noisy, clipped, quantised, copied, silent, and since "
-        "earlier check-ups weaker, stronger, noisier, moved."
+        "earlier check-ups weaker, stronger, noisier, moved, swapped_channels."
     )
     modules: list[int] = column("Modules that it is of.")
     chains: list[int] = column("Chains that it is of.")

@@ -35,6 +35,7 @@ SURE, WEAKER = 3.6, 0.15  # deviations that a change needs, and its least size [
 WANDER = 0.03  # of gains between check-ups [log]
 ROUNDS, DOUBT = 3, 2.5  # of judging: taxels so many deviations off are no measure for others
 UNMET = 10.0  # precision below which nothing measured a gain
+STRAY = 5.0  # times that touches disagree more about a taxel than before: not about its gain
 PRIOR = 4  # degrees of freedom of what all taxels show of the scatter between strokes
 MOVED, NOISIER = 12.0, 3.0  # least change of a baseline [counts], and of a noise (times)
 UNTOLD = 0.1  # share of taxels whose gain cannot be compared that deserves a note
@@ -244,6 +245,11 @@ class _Side(NamedTuple):
         scatter *= meet / np.maximum(freedom, 1.0)
         return cls(gains, covariance, scatter, freedom, precision.diagonal() > UNMET)
 
+    def stray(self, row: int) -> float:
+        """How much more its touches disagree about a taxel than those of the others."""
+        excess = self.scatter / self.covariance.diagonal()
+        return float(excess[row] / max(1.0, np.median(excess[self.met])))
+
 
 def _square(touch: KeptTouch) -> FloatArray:
     """Precision (k, k) of a touch."""
@@ -287,17 +293,25 @@ def _unlike_others(gap: FloatArray, covariance: FloatArray) -> tuple[FloatArray,
 def _gain_changes(part: str, times: Sequence[str], kept: Sequence[KeptPart]) -> Iterator[Change]:
     """Taxels whose gain is another one from a check-up on; two check-ups must show it.
 
-    One that is back at the gain of the first check-ups has recovered.
+    One that is back at the gain of the first check-ups has recovered. Where the touches that met
+    it disagree as they did not before, it feels another place, which bends the fits of strokes
+    beside it: the gains of others are not judged then.
     """
     count = len(kept[0].channels)
     size, best, first = np.zeros(count), np.zeros(count), np.zeros(count, np.int64)
     sides = {}
-    for split in range(1, len(times) - 1):
+    for split in range(1, len(times)):
         sides[split] = _Side.of(kept[:split]), _Side.of(kept[split:])
         own, score = _compared(*sides[split])
         better = score > best
         best[better], size[better], first[better] = score[better], own[better], split
-    for row in np.flatnonzero((best > SURE) & (np.abs(size) > WEAKER)).tolist():
+    rows = np.flatnonzero((best > SURE) & (np.abs(size) > WEAKER) & (first < len(times) - 1))
+    strays = []
+    for row in rows.tolist():
+        old, new = (side.stray(row) for side in sides[int(first[row])])
+        if new > STRAY * max(old, 1.0):
+            strays.append(row)
+    for row in strays or rows.tolist():
         split = int(first[row])
         kind = "weaker" if size[row] < 0 else "stronger"
         words = f"{kind} by {abs(np.expm1(size[row])):.0%}"
@@ -305,6 +319,8 @@ def _gain_changes(part: str, times: Sequence[str], kept: Sequence[KeptPart]) -> 
             back = _compared(sides[before][0], sides[split][1])[0][row]
             if abs(back) < min(WEAKER, 0.5 * abs(size[row])):
                 kind, words = "recovered", f"back at its first gain, {words}"
+        if strays:
+            kind, words = "swapped_channels", "feels another place (exchanged channels?)"
         sure = 1.0 - min(0.5, 2.0 * count * float(norm.sf(best[row])))
         yield _change(part, row, kind, words, times[split], sure)
 

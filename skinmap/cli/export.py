@@ -347,6 +347,7 @@ def command(
     """
     if calibrations and format != "contacts":
         raise click.UsageError("--calibration needs --format contacts")
+    _refuse_source(output, Path(robot))
     from skinmap.io.recordings.touch_files import is_foreign
 
     written = format in (*NAMED, *FOLDERS) or output.suffix.lower() in WRITTEN
@@ -368,6 +369,20 @@ def command(
     else:
         result = export_taxels(robot, parts, output, format or "csv")
     present(result, _lines, as_json=as_json)
+
+
+def _refuse_source(output: Path, given: Path) -> None:
+    """Refuse to write over what is read: a recording or a table, a manifest and the files it names.
+
+    Raises
+    ------
+    OutputError
+        One of these is the output, even with --force.
+    """
+    if output.is_file() and given.is_file():
+        named = given.suffix == ".toml" and f'{output.name}"' in given.read_text(errors="replace")
+        if output.samefile(given) or (named and given.resolve().parent in output.resolve().parents):
+            raise OutputError(f"cannot write {str(output)!r}: it is read; name a new file")
 
 
 def _check_ending(output: Path, format: str) -> None:

@@ -367,6 +367,7 @@ def test_shuffled_places_of_a_recording_exit_with_3(recorded, tmp_path):
     assert result["status"] == "inconsistent"
     assert wired(result) == []
     assert not (tmp_path / "map.csv").exists()
+    assert result["notes"][-1].startswith("no map was written")
 
 
 def test_a_recording_without_touches_is_judged_by_its_rest(recorded):

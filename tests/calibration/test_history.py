@@ -33,7 +33,7 @@ PART = "left_forearm"
 TIMES = [f"2026-{month:02}-03T10:00:00+00:00" for month in (9, 10, 11)]
 
 
-def kept(boards, rng, weak=(), baseline=0.0, odd=0.0):
+def kept(boards, rng, weak=(), baseline=0.0, odd=0.0, exchanged=()):
     """A check-up with strokes all over, of a finger that wanders beside where it was asked for."""
     doctor = Doctor.of(boards)
     doctor.next_place("stroke")
@@ -47,6 +47,7 @@ def kept(boards, rng, weak=(), baseline=0.0, odd=0.0):
         force = 150 * np.exp(np.cumsum(rng.normal(0, 0.05, (30, 1)), axis=0))
         samples = force * np.exp(-(away**2) / 2 / 6e-3**2) * gains
         samples = samples * np.exp(rng.normal(0.0, odd, len(gains)))
+        samples[:, exchanged] = samples[:, exchanged[::-1]]
         samples = np.minimum(np.rint(samples + rng.normal(0, 1.2, samples.shape)), 255.0)
         one = gains_told(boards, make_touch(samples, "stroke", path, samples), gains > 0)
         triangle = one.precision[np.triu_indices(len(one.rows))]
@@ -69,6 +70,36 @@ def test_a_taxel_that_loses_gain_is_named_after_two_checkups(icub):
     assert all(22 <= int(found[row].words[10:12]) <= 38 for row in weak)
     assert found[7].words == "its rest lies 20 counts higher since 3 November 2026"
     assert changes_of(PART, TIMES[:2], several[:2])[0] == []  # one check-up may err
+
+
+def test_what_the_last_checkup_alone_shows_is_not_dated_before_it(icub):
+    """Half of a loss was named, since a check-up at which the taxel was sound."""
+    boards, rng = boards_of(icub, PART), np.random.default_rng(0)
+    times = [f"2026-{month:02}-03T10:00:00+00:00" for month in range(1, 6)]
+    several = [kept(boards, rng, weak) for weak in ([], [], [], [100], [100])]
+    assert changes_of(PART, times[:4], several[:4])[0] == []
+    found = changes_of(PART, times, several)[0]
+    assert [(one.row, one.since[5:7]) for one in found] == [(100, "04")]
+
+
+def test_exchanged_channels_are_no_change_of_gain(icub, tmp_path):
+    """They were "stronger by 666 %", and sound taxels beside them weaker."""
+    boards, rng = boards_of(icub, PART), np.random.default_rng(0)
+    wrong = [100, 150]
+    several = [kept(boards, rng, exchanged=one) for one in ([], wrong, wrong)]
+    found = changes_of(PART, TIMES, several)[0]
+    assert {one.row for one in found} <= set(wrong)
+    assert {one.kind for one in found} == {"swapped_channels"}
+    assert "exchanged channels" in found[0].words
+    for one, time in zip(several, TIMES, strict=True):
+        file = tmp_path / f"checkup_{time[:10]}.json"
+        file.write_bytes(msgspec.json.encode(
+            KeptCheckup(FORMAT, time, icub.name, "healthy", [], {PART: one})))  # fmt: skip
+    session = Session(icub, (PART,), checkups=tmp_path)
+    session.prepare()
+    layer = Layers(session.skins, changed=session.changed).get("changed")
+    row = found[0].row
+    assert layer.categories[int(layer.values(PART, None)[row])] == "feels elsewhere"
 
 
 def test_touches_that_disagree_change_no_sound_taxel(icub):

@@ -75,3 +75,24 @@ def test_export_for_people(tmp_path):
     result = CliRunner().invoke(cli, ["export", "--part", "left_hand", "-o", path])
     assert result.exit_code == 0
     assert result.output.split("\n")[:2] == ["left_hand: 48 taxels, 4 modules", path]
+
+
+def test_export_writes_over_nothing_that_it_reads(tmp_path):
+    """`--force` replaced a recording by its contacts, and a robot's URDF by its skin alone."""
+    touches, table, urdf = (tmp_path / name for name in ("own.csv", "arm.csv", "arm.urdf"))
+    table.write_text("x,y,z\n0,0,0\n0.01,0,0\n0,0.01,0\n0.01,0.01,0\n")
+    urdf.write_text('<robot name="arm"><link name="arm"/></robot>')
+    manifest = tmp_path / "arm.toml"
+    manifest.write_text('[robot]\nname = "arm"\nurdf = "arm.urdf"\n'
+                        '[[part]]\nname = "arm"\nlink = "arm"\ntaxels = "arm.csv"\n')  # fmt: skip
+    touches.write_text("time,ch0,ch1,ch2,ch3\n0,0,0,0,0\n0.02,9,9,9,9\n")
+    touches.with_suffix(".toml").write_text('robot = "arm.toml"\npart = "arm"\nlabel = "poke"\n')
+    for words in (f"{touches} --format contacts -o {touches}", f"{manifest} -o {table}",
+                  f"{manifest} --format urdf -o {urdf}", f"{table} -o {table}"):  # fmt: skip
+        output = words.split()[-1]
+        with open(output, "rb") as file:
+            before = file.read()
+        result = CliRunner().invoke(cli, ["export", *words.split(), "--force"])
+        assert f"cannot write {output!r}: it is read" in str(result.exception)
+        with open(output, "rb") as file:
+            assert file.read() == before

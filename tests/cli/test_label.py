@@ -114,6 +114,10 @@ def test_rows_of_a_csv_are_the_touches(marked, tmp_path):
         (lambda row: row.replace("left_hand", "tail"), "2: no part 'tail'"),
         (lambda row: row.replace(",rub", ",rub,more"), "2: 8 cells for 7 columns"),
         (lambda row: f"left_hand,9,5,4,rub,,\n{row}", "2: no sample from 5 to 4 s"),
+        (
+            lambda row: f"left_hand,9,1700000005.5,1700000006,rub,,\n{row}",
+            "2: no sample from 1700000005.5 to 1700000006 s; the recording has those from",
+        ),
         (lambda row: f"{row}\n{row}", "3: overlaps the touch"),
     ],
 )

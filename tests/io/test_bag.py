@@ -106,6 +106,18 @@ def test_every_value_comes_back(bag):
     np.testing.assert_array_equal(got[:, 10:], 2.0 * truth["arm"][steps][:, [3, 1]] + 1.0)
 
 
+def test_a_link_to_a_bag_may_have_a_mapping_of_its_own(bag, tmp_path):
+    """It was passed over without a word: values came by the mapping beside the bag."""
+    folder, _ = bag
+    link = tmp_path / "again"
+    link.symlink_to(folder)
+    before = open_track(link).values[:]
+    link.with_name("again.map.toml").write_text(MAPPING.replace("scale = 2", "scale = 4"))
+    after = open_track(link).values[:]
+    np.testing.assert_allclose(after[:, 10:] - 1.0, 2.0 * (before[:, 10:] - 1.0))
+    np.testing.assert_array_equal(after[:, :10], before[:, :10])
+
+
 def test_bare_file_of_a_bag_is_read_by_the_mapping_of_its_name(bag, tmp_path):
     folder, _ = bag
     (file,) = [one for one in folder.iterdir() if one.suffix in (".db3", ".mcap")]

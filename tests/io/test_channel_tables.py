@@ -146,6 +146,10 @@ def refused(tmp_path, text, *, mapping=MAPPING, match=".", name="t.csv"):
         ("time,ch0,ch0\n0,1,2\n", "columns given twice: ch0"),
         ("time,ch0,x0\n0,1,2\n", "channels given twice: 0"),
         ("time,ch0\n0,1\n0.2,1\n0.1,1\n", "out of order: sample 2 at 0.1 s comes after 0.2 s"),
+        (
+            "time,ch0\n1700000000.2,1\n1700000000.1,1\n",
+            "at 1700000000.1 s comes after 1700000000.2 s",
+        ),
         ("time,ch0\n0,nan\n", "sample 0 holds no number at channel 0"),
         ("time,ch0\n0,much\n", "sample 0 holds 'much', no number"),
         ("# made\n\ntime,ch0,ch1\n0,1,2\n1,2,\n", r"sample 1 holds '', .* 'ch1' \(line 5\)"),

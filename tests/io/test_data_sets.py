@@ -180,3 +180,15 @@ def test_contacts_keep_the_marks_of_the_recording(suffix, tmp_path, icub):
         marked = [row["marked"] for row in csv.DictReader(file)]
     assert marked[0] == "a, b"
     assert marked.count("a, b") > len(marked) / 2
+
+
+def test_statistics_hold_for_times_since_1970():
+    """Their deviation was 0."""
+    from skinmap.io.recordings.learning import _Statistics
+
+    times, found = 1.7e9 + np.arange(600) / 50.0, _Statistics()
+    for block in np.split(times, 3):
+        found.add(block)
+    assert found.result()["std"][0] == pytest.approx(times.std(), rel=1e-6)
+    assert found.result()["mean"][0] == pytest.approx(times.mean(), abs=1e-6)
+    assert (found.result()["min"], found.result()["max"]) == ([times[0]], [times[-1]])

@@ -11,6 +11,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,6 +32,7 @@ from skinmap.errors import (
 from skinmap.geometry.rigid import transform_points
 from skinmap.live.sources.source import Block, Source, StreamInfo
 from viewer.inputs import parse_address, read_token
+from viewer.view_files import movie_frames
 
 FOOT = ("--part", "left_foot")
 HEAD = {"format": "skinmap-view", "version": 1}
@@ -112,6 +114,29 @@ def test_recording_gives_picture_movie_page_and_gltf(opengl, tmp_path, recording
     assert 50 <= frames <= 52
     assert seconds == pytest.approx(frames / 25, abs=0.1)
     assert all(path.stat().st_size > 5000 for path in names.values())
+
+
+@pytest.mark.parametrize(("rate", "speed"), [(50.0, 1.0), (50.0, 2.0), (10.0, 1.0), (10.0, 0.5)])
+def test_a_movie_lasts_as_long_as_its_recording(rate, speed):
+    """`--speed` changed nothing, and a recording of 10 Hz played two and a half times too fast."""
+
+    class Shown:
+        time = None
+
+        def follow(self, moment):
+            self.time = moment.time
+
+        def frame(self, calm):
+            return self.time
+
+    times = np.arange(0.0, 4.0, 1.0 / rate)
+    times = 1.7e9 + times[(times < 1.0) | (times > 2.0)]  # a second of silence
+    frames = list(movie_frames(Shown(), [SimpleNamespace(time=one) for one in times], speed))
+    assert len(frames) == pytest.approx(4.0 * 25.0 / speed, abs=4)
+    own = 1.7e9 + np.arange(len(frames)) * speed / 25.0
+    silent = (own > 1.7e9 + 0.9) & (own < 1.7e9 + 2.1)
+    assert np.abs(own - frames)[~silent].max() < 1.0 / rate + 0.04
+    assert np.array(frames)[silent].max() < 1.7e9 + 2.2, "it stands where nothing came"
 
 
 def test_a_bag_alone_is_a_recording(opengl, tmp_path, recording):

@@ -148,8 +148,8 @@ def _check(table: ChannelTable, path: Path) -> None:
     if back.any():
         row = int(np.flatnonzero(back)[0]) + 1
         raise DataFormatError(
-            f"samples are out of order: sample {row} at {table.times[row]:g} s comes after "
-            f"{table.times[max(row - 1, 0)]:g} s",
+            f"samples are out of order: sample {row} at {table.times[row]:.13g} s comes after "
+            f"{table.times[max(row - 1, 0)]:.13g} s",
             path,
         )
     step = float(np.median(np.diff(table.times))) if len(table.times) > 1 else 0.0

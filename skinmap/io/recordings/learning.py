@@ -407,6 +407,7 @@ class _Statistics:
 
     def __init__(self) -> None:
         self._count = 0
+        self._zero: Any = 0.0
         self._low: Any = np.inf
         self._high: Any = -np.inf
         self._sum: Any = 0.0
@@ -414,9 +415,12 @@ class _Statistics:
 
     def add(self, values: NDArray[Any]) -> None:
         rows = values.reshape(len(values), -1).astype(np.float64)
+        if self._count == 0:
+            self._zero = rows[0].copy()  # squares of times since 1970 would leave no deviation
         self._count += len(rows)
         self._low = np.minimum(self._low, rows.min(axis=0))
         self._high = np.maximum(self._high, rows.max(axis=0))
+        rows -= self._zero
         self._sum = self._sum + rows.sum(axis=0)
         self._squares = self._squares + (rows**2).sum(axis=0)
 
@@ -426,7 +430,7 @@ class _Statistics:
         return {
             "min": self._low.tolist(),
             "max": self._high.tolist(),
-            "mean": mean.tolist(),
+            "mean": (mean + self._zero).tolist(),
             "std": deviation.tolist(),
             "count": [self._count],
         }

@@ -258,7 +258,8 @@ def _marked(
     first = int(np.searchsorted(times, began - hair))
     last = int(np.searchsorted(times, ended + hair, side="right")) - 1
     if not first <= last:
-        raise DataFormatError(f"no sample from {began:g} to {ended:g} s", path, line)
+        held = f"the recording has those from {times[0]:.13g} to {times[-1]:.13g} s"
+        raise DataFormatError(f"no sample from {began:.13g} to {ended:.13g} s; {held}", path, line)
     label = cells["label"]
     if label != UNNAMED:
         with in_file(path, line):

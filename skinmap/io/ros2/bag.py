@@ -5,6 +5,7 @@ The mapping of `run1` (a folder), `run1.mcap` or `run1.db3` is `run1.map.toml` b
 
 from __future__ import annotations
 
+import os
 from collections import Counter
 from dataclasses import replace
 from functools import partial
@@ -61,10 +62,12 @@ class _Mapping(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def mapping_of(bag: Path) -> Path:
-    """Where the mapping file of a bag stands."""
-    name = bag.resolve().name
-    stem = Path(name).stem if Path(name).suffix.lower() in SUFFIXES else name
-    return bag.resolve().parent / f"{stem}{MAPPING}"
+    """Where the mapping file of a bag stands: beside it, or beside a link to it."""
+    linked, own = (
+        path.with_name(f"{path.stem if path.suffix.lower() in SUFFIXES else path.name}{MAPPING}")
+        for path in (Path(os.path.abspath(bag)), bag.resolve())
+    )
+    return linked if linked.is_file() else own
 
 
 def is_bag(path: Path) -> bool:
