@@ -107,8 +107,8 @@ def checkup(
         result = with_changes(result, examined.cases, kept)
     if output is not None:
         written = list(_written(output, result, examined, loaded, when))
-        told = [] if written else ["no map was written: no channel is known to be elsewhere"]
-        result = replace(result, files=[*written, *result.files], notes=[*result.notes, *told])
+        nowhere = [] if written else ["no map was written: no channel is known to be elsewhere"]
+        result = replace(result, files=[*written, *result.files], notes=[*result.notes, *nowhere])
     bad = result.status == "inconsistent"
     present(result, lines, as_json=as_json, verdict=Verdict(result.status if bad else OK))
 
