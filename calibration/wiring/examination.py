@@ -34,6 +34,7 @@ from calibration.wiring.touches import (
 from skinmap.arrays import BoolArray, FloatArray
 from skinmap.errors import DataFormatError, InvalidArrayError, SkinMismatchError, check_known
 from skinmap.geometry.proximity import nearest_first
+from skinmap.report.present import singular
 from skinmap.skin.robot import Robot
 
 if TYPE_CHECKING:
@@ -206,7 +207,8 @@ def _hear(case: Case, above: FloatArray, how: str, path: FloatArray, plan: Plan)
     felt = touch.response > THRESHOLD
     modules = np.unique(case.boards.table.modules[felt]).tolist()
     which = f"module{'s' * (len(modules) > 1)} {', '.join(map(str, modules))}"
-    plan.told(f"   answered: {int(felt.sum())} channels of {which if modules else 'no module'}")
+    answered = f"   answered: {int(felt.sum())} channels of {which if modules else 'no module'}"
+    plan.told(singular(answered))
     for found in new:
         plan.told(f"   {found.fault.words(case.boards)} ({100 * found.confidence:.1f} %)")
 
