@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from calibration.commands.calibration_options import FILE, Outputs, outputs, skin_of, skin_options
-from calibration.commands.results import Calibrated, Spread
+from calibration.commands.results import Calibrated, Grade, Spread
 from skinmap.commands.options import Number, prints
 from skinmap.errors import DataFormatError, SkinMismatchError
 from skinmap.rows import percent
@@ -165,7 +165,7 @@ def work(
         read_evidence,
     )
     from skinmap.skin.skin import fingerprint
-    from skinmap.touch.load_calibration import UNEVEN
+    from skinmap.touch.load_calibration import REST_FAR, UNEVEN
 
     held = [read_evidence(path) for path in evidence]
     counts = [one.samples.shape[1] for one in held]
@@ -206,8 +206,16 @@ def work(
         reasons = [
             f"No load was on {len(fit.unloaded)} of {counts[0]} taxels: press the others too."
         ]
+    status: Grade = "low_coverage" if reasons else "ok"
+    for one, share in zip(pressed, fit.moved, strict=False):
+        if share > REST_FAR:
+            status = "ambiguous"
+            reasons.append(
+                f"{one.name}: rest moves by {percent(share)} % of the range: the skin warmed, or "
+                "its foam keeps loads; record again once it is warm, or with temperature_channel."
+            )
     result = LoadResult(
-        status="low_coverage" if reasons else "ok",
+        status=status,
         reasons=reasons,
         channels=counts[0],
         answered=int(found.answered.sum()),

@@ -196,13 +196,25 @@ def test_counts_that_rise_fit_as_well():
     )
 
 
-def test_recordings_that_contradict_each_other_are_named():
+@pytest.mark.parametrize("factor", [3.0, 1.35, 0.7])
+def test_recordings_that_contradict_each_other_are_named(factor):
     samples, pressure = chamber(1)
     other, more = chamber(2)
+    evidence = [Pressed("a.npz", samples, RATE, pressure)]
     with pytest.raises(InvalidArrayError, match=r"a\.npz and b\.npz contradict each other"):
-        fit_load(
-            [Pressed("a.npz", samples, RATE, pressure), Pressed("b.npz", other, RATE, 3 * more)]
-        )
+        fit_load([*evidence, Pressed("b.npz", other, RATE, factor * more)])
+    fit_load([*evidence, Pressed("b.npz", other, RATE, 1.1 * more)])
+
+
+@pytest.mark.parametrize("counts", [-20, 20])
+def test_rest_that_moves_is_ambiguous(files, tmp_path, counts):
+    warming = np.linspace(0, counts, 9000)[:, None].round()
+    path = files("warm.npz", samples=np.clip(chamber(1)[0] + warming, 0, 255))
+    result = run("calibrate", "load", path, "-o", tmp_path / "out", "--json", code=3)
+    found = json.loads(result.stdout)
+    assert found["status"] == "ambiguous"
+    assert "warm.npz: rest moves by" in found["reasons"][0]
+    assert [one.name for one in (tmp_path / "out").iterdir()] == ["refused.html"]
 
 
 def test_falling_and_rising_counts_contradict_each_other():
