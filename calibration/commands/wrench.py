@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from skinmap.arrays import FloatArray
 
 
-FEWEST_TAXELS = 3
-
-
 @dataclass(frozen=True, kw_only=True, slots=True)
 class WrenchResult(Calibrated):
     """The mount of a patch, by the lines of forces.
@@ -119,10 +116,10 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
     fit, held_out = fit_lines(lines), held_out_error(lines, np.random.default_rng(0))
     skin = touches.points if touches.taxels is None else touches.taxels
     known = skin[np.isfinite(skin).all(axis=1)]
-    if len(known) < FEWEST_TAXELS or np.ptp(known, axis=0).max() > FAR:
+    if len(known) < 3 or np.ptp(known, axis=0).max() > FAR:
         raise InvalidArrayError(
-            f"{len(known)} taxels have a place: {FEWEST_TAXELS} or more are needed, within "
-            f"{FAR:g} m, in the unit of the points"
+            f"{len(known)} taxels have a place: 3 or more are needed, within {FAR:g} m, in the "
+            "unit of the points"
         )
     places = transform_points(fit.mount, skin)
     covariance = point_covariance(fit.mount, skin, fit.covariance)

@@ -598,8 +598,7 @@ def _agree(
             # Forces press unevenly, each time elsewhere: only a chamber shows gains of taxels.
             even = evidence[i].channels is None and evidence[j].channels is None
             wide = [float((own.power.sum() / own.rows.sum()) ** 0.5) for own in (sums[i], sums[j])]
-            alike = even and max(wide) < LIKE_RANGE * min(wide)
-            most = MOST_OFF if alike else MOST_OFF_FAR
+            most = MOST_OFF if even and max(wide) < LIKE_RANGE * min(wide) else MOST_OFF_FAR
             if not 1.0 / most < ratio < most:
                 raise InvalidArrayError(
                     f"{evidence[i].name} and {evidence[j].name} contradict each other: where the "

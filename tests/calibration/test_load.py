@@ -499,6 +499,16 @@ def test_a_bag_without_one_skin_and_one_reference_is_one_line(tmp_path):
         assert "\n" not in line
 
 
+def test_taxels_whose_rest_moved_far_are_named(fit, tmp_path):
+    (tmp_path / "load.npz").write_bytes(fit.calibration.to_bytes())
+    rest = chamber(1)[0][:200].astype(float)
+    rest[:, [3, 7]] -= 25
+    np.savez(tmp_path / "rest.npz", samples=rest, times=np.arange(200) / RATE)
+    words = ["calibrate", "rest", tmp_path / "rest.npz", "-o", tmp_path / "load.npz"]
+    assert "does something press? 3, 7\n" in run(*words).stdout
+    assert json.loads(run(*words, "--json").stdout)["far"] == [3, 7]
+
+
 def test_a_recording_of_ours_renews_the_rest(files, tmp_path):
     from skinmap.io.mcap.writing import McapRecording
 
