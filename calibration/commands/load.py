@@ -190,15 +190,13 @@ def work(
         fit = fit_wrench(pressed[0], skin, when=when, fingerprint=marks)
         check_bar(float(fit.calibration.top.max()), loads[0][0].kind, loads[0][1])
     else:
-        area = float("nan") if area_mm2 is None else area_mm2
-        fit = fit_load(pressed, when=when, area_mm2=area, fingerprint=marks)
+        fit = fit_load(pressed, when=when, area_mm2=area_mm2 or float("nan"), fingerprint=marks)
         if all(one.kind in FORCES for one, _ in loads):
             fit = replace(fit, calibration=replace(fit.calibration, uneven=UNEVEN))
     prints = None
     if printed := [one for one in held if one.kind == PRINTS]:
         if skin is None:
-            words = f"{printed[0].name}: prints need --part: areas are those of its mesh"
-            raise SkinMismatchError(words)
+            raise SkinMismatchError(f"{printed[0].name}: prints need --part: areas are of its mesh")
         prints = fit_prints(printed, fit.calibration, skin)
         fit = replace(fit, calibration=replace(fit.calibration, covering=prints.covering))
     found, reasons = fit.calibration, []
@@ -210,10 +208,10 @@ def work(
     for one, share in zip(pressed, fit.moved, strict=False):
         if share > REST_FAR:
             status = "ambiguous"
-            reasons.append(
-                f"{one.name}: rest moves by {percent(share)} % of the range: the skin warmed, or "
-                "its foam keeps loads; record again once it is warm, or with temperature_channel."
+            words = (
+                f"{one.name}: rest moves by {percent(share)} % of its range, because the skin warms"
             )
+            reasons.append(f"{words} or keeps loads: record it warm, or with temperature_channel.")
     result = LoadResult(
         status=status,
         reasons=reasons,

@@ -117,10 +117,8 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
     skin = touches.points if touches.taxels is None else touches.taxels
     known = skin[np.isfinite(skin).all(axis=1)]
     if len(known) < 3 or np.ptp(known, axis=0).max() > FAR:
-        raise InvalidArrayError(
-            f"{len(known)} taxels have a place: 3 or more are needed, within {FAR:g} m, in the "
-            "unit of the points"
-        )
+        words = f"{len(known)} taxels have a place: 3 or more are needed, within {FAR:g} m,"
+        raise InvalidArrayError(f"{words} in the unit of the points")
     places = transform_points(fit.mount, skin)
     covariance = point_covariance(fit.mount, skin, fit.covariance)
     sd = np.sqrt(np.einsum("nii->n", covariance))
