@@ -14,7 +14,7 @@ import click
 from calibration.commands.calibration_options import FILE, Outputs, outputs, skin_of, skin_options
 from calibration.commands.results import Calibrated, Spread
 from skinmap.commands.options import Number, prints
-from skinmap.errors import DataFormatError, SkinMismatchError
+from skinmap.errors import DataFormatError, SkinMismatchError, warn
 from skinmap.rows import percent
 from skinmap.summary import first_few
 
@@ -158,7 +158,7 @@ def work(
     from calibration.response.load_fit import fit_load
     from calibration.response.load_references import fit_prints, fit_wrench
     from skinmap.io.recordings.load_evidence import FORCES, PRINTS, WRENCH, check_bar, read_evidence
-    from skinmap.touch.load_calibration import UNEVEN
+    from skinmap.touch.load_calibration import REST_FAR, UNEVEN
 
     held = [read_evidence(path) for path in evidence]
     counts = [one.samples.shape[1] for one in held]
@@ -182,15 +182,13 @@ def work(
         fit = fit_wrench(pressed[0], skin, when=when, fingerprint=marks)
         check_bar(float(fit.calibration.top.max()), loads[0][0].kind, loads[0][1])
     else:
-        area = float("nan") if area_mm2 is None else area_mm2
-        fit = fit_load(pressed, when=when, area_mm2=area, fingerprint=marks)
+        fit = fit_load(pressed, when=when, area_mm2=area_mm2 or float("nan"), fingerprint=marks)
         if all(one.kind in FORCES for one, _ in loads):
             fit = replace(fit, calibration=replace(fit.calibration, uneven=UNEVEN))
     prints = None
     if printed := [one for one in held if one.kind == PRINTS]:
         if skin is None:
-            words = f"{printed[0].name}: prints need --part: areas are those of its mesh"
-            raise SkinMismatchError(words)
+            raise SkinMismatchError(f"{printed[0].name}: prints need --part: areas are of its mesh")
         prints = fit_prints(printed, fit.calibration, skin)
         fit = replace(fit, calibration=replace(fit.calibration, covering=prints.covering))
     found, reasons = fit.calibration, []
@@ -198,6 +196,10 @@ def work(
         reasons = [
             f"No load was on {len(fit.unloaded)} of {counts[0]} taxels: press the others too."
         ]
+    for one, share in zip(pressed, fit.moved, strict=False):
+        if share > REST_FAR:
+            words = f"{one.name}: rest moves by {percent(share)} % of its range; the skin warms or"
+            warn(f"{words} its foam keeps loads: record it warm, or with temperature_channel")
     result = LoadResult(
         status="low_coverage" if reasons else "ok",
         reasons=reasons,

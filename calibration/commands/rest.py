@@ -14,6 +14,7 @@ import numpy as np
 from skinmap.commands.options import open_stream, prints, seconds_option
 from skinmap.errors import InvalidArrayError
 from skinmap.report.present import present
+from skinmap.summary import first_few
 
 if TYPE_CHECKING:
     from skinmap.arrays import FloatArray
@@ -42,6 +43,8 @@ class RestResult:
         Median over taxels of how far their rest moved from that of the evidence [counts].
     shared_bar
         Part of the shift that all taxels share [bar].
+    far
+        Channels whose rest moved by more than 12 % of their range.
     file
         The calibration that was written.
     """
@@ -52,6 +55,7 @@ class RestResult:
     age_seconds: float
     shift_counts: float
     shared_bar: float
+    far: list[int]
     file: str
 
 
@@ -107,8 +111,8 @@ def work(
     if zero == "none":
         shift = np.zeros(len(found))
     own = found.answered
-    far = abs(float(np.median((shift / found.span)[own])))
-    if far > REST_FAR:
+    shares = np.where(own, shift / found.span, 0.0)
+    if (far := abs(float(np.median(shares[own])))) > REST_FAR:
         raise InvalidArrayError(
             f"{source}: the rest lies {100 * far:.0f} % of the calibrated range off that of the "
             f"evidence, at most {100 * REST_FAR:.0f} % are a rest: does something press?"
@@ -123,6 +127,7 @@ def work(
         age_seconds=max(0.0, time.time() - found.zeroed),
         shift_counts=float(np.median(shift[own])),
         shared_bar=float(np.median((shift * found.top / found.span)[own])),
+        far=np.flatnonzero(np.abs(shares) > REST_FAR).tolist(),
         file=str(file),
     )
 
@@ -189,5 +194,7 @@ def _lines(result: RestResult) -> Iterator[str]:
         f"zero of {result.channels} taxels from {result.samples} samples: rest moved by "
         f"{result.shift_counts:+.1f} counts, {result.shared_bar:+.3f} bar of it shared"
     )
+    if result.far:
+        yield f"moved by above 12 % of their range, does something press? {first_few(result.far)}"
     yield f"the zero before it was {result.age_seconds / 60:.0f} minutes old"
     yield result.file

@@ -13,6 +13,7 @@ import click
 from calibration.commands.calibration_options import FILE, Outputs, outputs
 from calibration.commands.results import MM, Calibrated, Grade, Matrix, Spread
 from skinmap.commands.options import prints, units_option
+from skinmap.errors import InvalidArrayError
 
 if TYPE_CHECKING:
     from calibration.files.mount_files import WrenchTouches
@@ -99,6 +100,7 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
     import numpy as np
 
     from calibration.mount.rigid_mount import (
+        FAR,
         POINT_SIGMA,
         Lines,
         fit_lines,
@@ -114,6 +116,9 @@ def work(touches: WrenchTouches) -> tuple[WrenchResult, PlacedPatch]:
     fit, held_out = fit_lines(lines), held_out_error(lines, np.random.default_rng(0))
     skin = touches.points if touches.taxels is None else touches.taxels
     known = skin[np.isfinite(skin).all(axis=1)]
+    if len(known) < 3 or np.ptp(known, axis=0).max() > FAR:
+        words = f"{len(known)} taxels have a place: 3 or more are needed, within {FAR:g} m,"
+        raise InvalidArrayError(f"{words} in the unit of the points")
     places = transform_points(fit.mount, skin)
     covariance = point_covariance(fit.mount, skin, fit.covariance)
     sd = np.sqrt(np.einsum("nii->n", covariance))

@@ -107,7 +107,7 @@ def read_wrenches(path: Path, unit: float = 1.0) -> WrenchTouches:
     try:
         with np.errstate(over="raise", invalid="raise"):  # of longer floats than ours, of no number
             found = {name: _real(arrays[name]) for name in arrays}
-        found["frames"][..., :3, 3] *= unit
+        found["frames"][..., :3, 3:] *= unit
     except (ValueError, TypeError, IndexError, FloatingPointError) as error:
         raise DataFormatError(f"arrays must be numbers: {error}", path) from error
     own = found.get("taxels")

@@ -204,6 +204,7 @@ def check_frames(frames: ArrayLike, m: int) -> FloatArray:
 
 
 FEWEST = 6  # lines: each tells two numbers of six, and some are never independent
+FAR = 3.0  # of a robot's parts from a sensor [m]
 LIGHTEST = 0.05  # [N]: lighter forces leave no line
 POINT_SIGMA = 3e-3  # where in its active taxels a patch was pressed [m]
 MOMENT_SIGMA = 5e-3  # of a six-axis sensor of a robot's arm [N m]
@@ -360,6 +361,12 @@ class Lines:
             )
         back = T[:, :3, :3].transpose(0, 2, 1)
         foot = np.cross(f, m) / size[:, None] ** 2  # the point of the line next to the sensor
+        spans = np.ptp(p, axis=0).max(), np.median(np.linalg.norm(foot, axis=1))
+        if max(spans) > FAR:
+            raise InvalidArrayError(
+                f"points span {spans[0]:.3g} m and forces pass the sensor at {spans[1]:.3g} m, "
+                f"{FAR:g} m are the most: points, frames and moments must be of one unit"
+            )
         foot = np.einsum("mij,mj->mi", back, foot - T[:, :3, 3])
         along = np.einsum("mij,mj->mi", back, f / size[:, None])
         if np.linalg.svd(along, compute_uv=False)[1] < 1e-3 * np.sqrt(len(along)):

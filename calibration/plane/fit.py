@@ -32,6 +32,7 @@ from skinmap.summary import Summary, first_few, listed
 FEWEST = 4  # contacts: fewer cannot even show that they are too few
 JOINT_SIGMA = np.deg2rad(0.5)  # what zero positions of joints are off by
 FAR = 0.3  # the felt taxels of every contact lie further from a given plane: it is another [m]
+JOINTS_OFF = 1.5  # of what is assumed, that zeros of joints may be off by
 SURELY, NEVER = 0.9, 0.02  # chances of taxels that are called dead, and stuck
 MISSED_PRESSES = 3.0  # that a dead taxel should have felt
 
@@ -330,8 +331,11 @@ def _result(
         column = layout.mount[name]
         covariances[name] = C[column : column + 6, column : column + 6]
         weakest[name] = weakest_motion(places[name], own[name])
-    sds = {k: float(np.sqrt(C[column, column])) for k, column in layout.joint.items()}
     judged = judge(own, widening, best, odd, rival, len(problem.contacts), weakest)
+    zeros = np.array([state.offsets[k] for k in layout.joint]) / problem.joint_sigma
+    if (off := float(np.sqrt(zeros @ zeros / max(len(zeros), 1)))) > JOINTS_OFF:
+        words = f"zeros of joints are off by {off:.1f} times as much as is assumed"
+        judged.append((Status.AMBIGUOUS, f"{words}: calibrate the joints first"))
     return PlaneFit(
         mounts={name: state.mounts[name] for name in problem.patches},
         covariances=covariances,
@@ -339,7 +343,7 @@ def _result(
         place_covariances=own,
         planes=tuple(state.plane(k) for k in range(len(state.normals))),
         joint_offsets={k: float(state.offsets[k]) for k in layout.joint},
-        joint_sds=sds,
+        joint_sds={k: float(np.sqrt(C[at, at])) for k, at in layout.joint.items()},
         depth_spread=best.spreads.depth,
         shift_spread=best.spreads.shift,
         inconsistent=odd,

@@ -47,6 +47,8 @@ WARMER = 0.8  # of the square of what rest wanders, that may be left with a temp
 # `CHANCE` standard deviations of a correlation by chance.
 APART, LEAST_ALIKE = 0.13, 8
 ALIKE, CHANCE = 0.3, 2.0
+# Chambers of like range read the same counts alike (over days of an insole within 7 %).
+MOST_OFF, MOST_OFF_FAR, LIKE_RANGE = 1.25, 2.0, 1.6
 HALF_INSIDE = 0.6745  # standard deviations either way that hold half
 FULL_ROWS, FULL_RANGE = 0.1, 0.3  # a taxel is saturated that stands still at its end in so many
 # rows while the load goes through so much of its range
@@ -120,6 +122,8 @@ class LoadFit:
         Taxels that took the shape of all.
     at_rest : list of float
         Reading of the reference of each file while the skin rested [bar]; 0 where it is as good.
+    moved : list of float
+        Share of its range by which the rest of a taxel moves in each file, median.
     """
 
     calibration: LoadCalibration
@@ -129,6 +133,7 @@ class LoadFit:
     stray: list[int]
     shared: int
     at_rest: list[float] = field(default_factory=list)
+    moved: list[float] = field(default_factory=list)
     unloaded: list[int] = field(default_factory=list)
 
 
@@ -196,12 +201,13 @@ def fit_load(
     if warmth is not None:
         told[np.unique(warmth.channel[warmth.channel >= 0])] = False
     rest, span, recovery, rested = np.zeros(n), np.ones(n), np.zeros(n), False
-    shifts, at_rest, known = [], [], np.zeros(n, bool)
+    shifts, at_rest, moved, known = [], [], [], np.zeros(n, bool)
     for one, reference in zip(evidence, wanted, strict=True):
         own_rest, own_span, own_recovery, begins, stood = _scales(
             one, reference, told & _felt(one, n)
         )
         at_rest.append(stood)
+        moved.append(_moved(one, reference, told & _felt(one, n), own_span))
         rested |= begins
         told &= ~_saturated(one, reference, told & _felt(one, n))
         turned = told & known & _felt(one, n)
@@ -235,6 +241,7 @@ def fit_load(
     fit = replace(
         fit,
         at_rest=at_rest,
+        moved=moved,
         dead=[k for k in fit.dead if felt[k]],
         stray=[k for k in fit.stray if felt[k]],
         unloaded=np.flatnonzero(~felt).tolist(),
@@ -393,6 +400,16 @@ def _scales(
                 rest, recovery = rest + recovery / 2.0, np.zeros(len(rest))
     span = np.where(sign < 0, ends[0], ends[1]) - rest
     return rest, np.where(span * sign > 0, span, sign), recovery, before is not None, stood
+
+
+def _moved(one: Pressed, reference: FloatArray, told: BoolArray, span: FloatArray) -> float:
+    """Median share of its span by which a taxel's rest moves from the first half of rests on."""
+    idle = np.nanquantile(reference, 0.02) + AT_REST * (np.nanmax(reference) - np.nanmin(reference))
+    halves = np.array_split(one.samples[reference <= idle], 2)
+    if not told.any() or len(halves[1]) < EVERY:
+        return 0.0
+    first, second = (np.median(half[:, told], axis=0) for half in halves)
+    return float(np.median(np.abs(second - first) / np.abs(span[told])))
 
 
 def _stood(
@@ -578,13 +595,15 @@ def _agree(
             pair = np.array([[one[k][:4] @ heights for one in (first, curves[j])] for k in both])
             each = np.maximum(pair[:, 1], 1e-9) / np.maximum(pair[:, 0], 1e-9)
             ratio = float(np.median(each))
-            if not 0.5 < ratio < 2.0:
+            # Forces press unevenly, each time elsewhere: only a chamber shows gains of taxels.
+            even = evidence[i].channels is None and evidence[j].channels is None
+            wide = [float((own.power.sum() / own.rows.sum()) ** 0.5) for own in (sums[i], sums[j])]
+            most = MOST_OFF if even and max(wide) < LIKE_RANGE * min(wide) else MOST_OFF_FAR
+            if not 1.0 / most < ratio < most:
                 raise InvalidArrayError(
                     f"{evidence[i].name} and {evidence[j].name} contradict each other: where the "
                     f"first reads 1 bar, the second reads {ratio:.2g} bar at the same counts"
                 )
-            # Forces press unevenly, each time elsewhere: only a chamber shows gains of taxels.
-            even = evidence[i].channels is None and evidence[j].channels is None
             apart = float(np.median(np.abs(np.log(each / ratio)))) / HALF_INSIDE
             if not even or len(both) < LEAST_ALIKE or apart <= APART:
                 continue

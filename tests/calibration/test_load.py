@@ -15,6 +15,7 @@ from skinmap.errors import (
     MissingFileError,
     SkinError,
     SkinMismatchError,
+    SkinWarning,
 )
 from skinmap.touch.load_calibration import LoadCalibration
 
@@ -196,13 +197,24 @@ def test_counts_that_rise_fit_as_well():
     )
 
 
-def test_recordings_that_contradict_each_other_are_named():
+@pytest.mark.parametrize("factor", [3.0, 1.35, 0.7])
+def test_recordings_that_contradict_each_other_are_named(factor):
     samples, pressure = chamber(1)
     other, more = chamber(2)
+    evidence = [Pressed("a.npz", samples, RATE, pressure)]
     with pytest.raises(InvalidArrayError, match=r"a\.npz and b\.npz contradict each other"):
-        fit_load(
-            [Pressed("a.npz", samples, RATE, pressure), Pressed("b.npz", other, RATE, 3 * more)]
-        )
+        fit_load([*evidence, Pressed("b.npz", other, RATE, factor * more)])
+    fit_load([*evidence, Pressed("b.npz", other, RATE, 1.1 * more)])
+
+
+@pytest.mark.parametrize("counts", [-20, 20])
+def test_rest_that_moves_is_warned_of(files, tmp_path, counts):
+    """Foam that keeps a part of its load does the same: the fit stays, its user decides."""
+    warming = np.linspace(0, counts, 9000)[:, None].round()
+    path = files("warm.npz", samples=np.clip(chamber(1)[0] + warming, 0, 255))
+    with pytest.warns(SkinWarning, match=r"warm\.npz: rest moves by"):
+        run("calibrate", "load", path, "-o", tmp_path / "out")
+    run("calibrate", "load", files("calm.npz"), "-o", tmp_path / "calm")  # no warning
 
 
 def test_falling_and_rising_counts_contradict_each_other():
@@ -485,6 +497,16 @@ def test_a_bag_without_one_skin_and_one_reference_is_one_line(tmp_path):
         line = refused("calibrate", "load", bag(tmp_path / f"{name}.mcap", topics), "-o", "out")
         assert words in line
         assert "\n" not in line
+
+
+def test_taxels_whose_rest_moved_far_are_named(fit, tmp_path):
+    (tmp_path / "load.npz").write_bytes(fit.calibration.to_bytes())
+    rest = chamber(1)[0][:200].astype(float)
+    rest[:, [3, 7]] -= 25
+    np.savez(tmp_path / "rest.npz", samples=rest, times=np.arange(200) / RATE)
+    words = ["calibrate", "rest", tmp_path / "rest.npz", "-o", tmp_path / "load.npz"]
+    assert "does something press? 3, 7\n" in run(*words).stdout
+    assert json.loads(run(*words, "--json").stdout)["far"] == [3, 7]
 
 
 def test_a_recording_of_ours_renews_the_rest(files, tmp_path):

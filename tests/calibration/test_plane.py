@@ -146,6 +146,16 @@ def test_presses_with_one_side_only_are_unobservable(case, robot, chain, limits)
     assert found.status == "unobservable", found.reasons
 
 
+def test_joints_that_are_further_off_than_assumed_are_named(case, chain):
+    """Zeros 2.5 degrees off pull the mount along: its stated error would be too small."""
+    contacts, _, _ = case
+    off = np.deg2rad(2.5) * np.array([-1.0, 1, -1, 1, -1, 1, -1, 1])
+    read = replace(contacts, angles=contacts.angles - off)
+    found = fit_plane(read, [chain])
+    assert found.status == "ambiguous", found.reasons
+    assert any("calibrate the joints first" in reason for reason in found.reasons)
+
+
 def test_a_known_plane_tells_more(case, chain, fit):
     known = fit_plane(case[0], [chain], planes=[TABLE])
     assert known.predicted_sd(PART).mean() < fit.predicted_sd(PART).mean() + 0.1e-3

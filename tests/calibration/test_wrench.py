@@ -185,3 +185,23 @@ def test_wrench_names_frames_that_are_not_rigid(rng, tmp_path):
     result = CliRunner().invoke(calibrate, ["wrench", str(path)])
     assert isinstance(result.exception, InvalidArrayError)
     assert "rows 3, 5" in str(result.exception)
+
+
+def test_units_and_shapes_that_cannot_be_are_one_line(rng, tmp_path):
+    held = dict(zip(WRENCH_NAMES, presses(rng)[1], strict=True))
+    points = held["points"]
+    bad = [
+        ({"points": 1e3 * points}, "must be of one unit"),
+        ({"moments": 1e3 * held["moments"]}, "must be of one unit"),
+        ({"taxels": 1e3 * points}, "in the unit of the points"),
+        ({"taxels": np.full((8, 3), np.nan)}, "0 taxels have a place"),
+        ({"taxels": points[:1]}, "1 taxels have a place"),
+        ({"frames": held["frames"][:, :3, :3]}, "frames must have shape (60, 4, 4)"),
+    ]
+    for arrays, words in bad:
+        np.savez(tmp_path / "touches.npz", **(held | arrays))
+        line = ["wrench", str(tmp_path / "touches.npz"), "-o", str(tmp_path / "out")]
+        result = CliRunner().invoke(calibrate, line)
+        assert isinstance(result.exception, InvalidArrayError), (arrays.keys(), result.output)
+        assert words in str(result.exception)
+        assert not (tmp_path / "out").exists()
