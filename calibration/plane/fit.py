@@ -190,8 +190,8 @@ def fit_plane(
     odd = contradicting(problem, best)
     if rival is None:
         rival = second_place(problem, [best, *rivals(problem, best, starts[0])])
-    names = joint_names or [str(k) for k in range(contacts.angles.shape[1])]
-    return _result(problem, best, odd, (dead, stuck), rival, names)
+    names = range(contacts.angles.shape[1]) if joint_names is None else joint_names
+    return _result(problem, best, odd, (dead, stuck), rival, [str(name) for name in names])
 
 
 def _checked(

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, cKDTree
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import plane_turns
 from skinmap.geometry.topology import edges, loops_by_length
-from skinmap.geometry.triangles import cross_2d, cross_products, unit
+from skinmap.geometry.triangles import cross_2d, cross_products
 
 MAX_ARRANGED = 48  # charts: more are no skin of one limb, they go in shelves
 SAMPLES = 24  # vertices a chart that neighbours are laid out by
@@ -26,6 +26,7 @@ TURNS = np.radians([0, 15, -15, 30, -30, 50, -50, 75, -75, 105, -105, 140, -140,
 MAX_CORNERS = 96  # of an outline that is compared with others; finer ones are coarsened
 LENGTH_SHARE = 0.2  # how much the spread counts against the normals: enough for flat plates
 PLANE, SQUARE = 0.95, 0.01  # of normals and spreads: a plate without a length has edges at least
+ROUNDING = 1e-6  # of an angle [rad]
 SURE = 0.3  # cosine: an axis further than 73 degrees from the upward direction says nothing
 STEEP = 0.35  # slope: flatter charts lie across the limb, another direction has to tell
 
@@ -61,6 +62,8 @@ def limb_frame(vertices: FloatArray, faces: IntArray, up: FloatArray | None = No
     spread = (centred * share[:, None]).T @ centred
     contained, directions = np.linalg.eigh(looks - LENGTH_SHARE * spread / np.trace(spread))
     if contained[2] > PLANE and contained[1] - contained[0] < SQUARE:
+        outward = weight @ normals @ np.cross(directions[:, 0], directions[:, 1])
+        directions[:, 1] *= np.sign(outward) or 1.0
         directions = directions @ _edges(centred @ directions[:, :2])
     axis = _signed(directions[:, 0], centred, share, up)
     facing = weight @ normals - (weight @ normals @ axis) * axis
@@ -71,13 +74,18 @@ def limb_frame(vertices: FloatArray, faces: IntArray, up: FloatArray | None = No
 
 
 def _edges(flat: FloatArray) -> FloatArray:
-    """(3, 3) turn of a plane's axes onto the smallest rectangle around its points (n, 2)."""
+    """(3, 3) least turn of a plane's axes along the smallest rectangle around its points (n, 2).
+
+    Of two that are as good it is always the same one, whatever rounding says.
+    """
     corners = flat[ConvexHull(flat).vertices]
-    along = unit(np.roll(corners, -1, axis=0) - corners)
-    turns = np.stack([along, along[:, ::-1] * [-1.0, 1.0]], axis=2)
+    step = np.roll(corners, -1, axis=0) - corners
+    half = np.pi / 4.0 + ROUNDING
+    angle = np.mod(np.arctan2(step[:, 1], step[:, 0]) + half, np.pi / 2.0) - half
+    turns = plane_turns(angle)
     area = np.ptp(corners @ turns, axis=1).prod(axis=1)
     turn = np.eye(3)
-    turn[:2, :2] = turns[int(np.argmin(area))]
+    turn[:2, :2] = turns[np.lexsort((angle.round(6), (area / area.min()).round(6)))[0]]
     return turn
 
 
@@ -90,7 +98,7 @@ def _signed(
     skew = weight @ height**3 / (weight @ height**2) ** 1.5
     if abs(skew) > 1e-6:  # rounding on a body with two like ends stays below this
         return np.asarray(-axis * np.sign(skew))
-    return np.asarray(axis * np.sign(axis[np.argmax(np.abs(axis))]))
+    return np.asarray(axis * np.sign(axis[np.argmax(np.abs(axis).round(6))]))
 
 
 def upright(uv: FloatArray, height: FloatArray) -> FloatArray:

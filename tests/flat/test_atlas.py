@@ -261,3 +261,17 @@ def test_a_square_pad_lies_along_its_edges(turn):
     )
     (chart,) = flatten(PreparedSkin(skin).mesh).charts
     np.testing.assert_allclose(np.ptp(chart.uv, axis=0), 0.028, rtol=1e-3)
+
+
+@pytest.mark.parametrize("turn", [0.0, 20.0, 45.0, 70.0])
+def test_a_square_pad_lies_the_same_however_its_taxels_are_numbered(turn):
+    c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
+    grid = np.mgrid[0:8, 0:8].reshape(2, -1).T @ np.array([[c, s], [-s, c]]) * 4e-3
+    places, up = np.column_stack([grid, np.zeros(64)]), np.tile([0.0, 0.0, 1.0], (64, 1))
+    frames = []
+    for seed in range(5):
+        mesh = PreparedSkin(
+            skin_from_points(places[np.random.default_rng(seed).permutation(64)], up)
+        ).mesh
+        frames.append(limb_frame(mesh.vertices, mesh.faces))
+    np.testing.assert_allclose(frames, np.stack(5 * [frames[0]]), rtol=0, atol=1e-6)

@@ -207,6 +207,24 @@ def test_arrays_of_others_are_told_from_ours_by_what_they_hold(tmp_path, channel
         read_recordings(named)
 
 
+def test_arrays_of_others_may_be_of_a_head(tmp_path, channels, values):
+    named = written(tmp_path, "npz", channels, values)
+    with np.load(named) as arrays:
+        held = {**arrays, "head": np.zeros(3)}
+    np.savez(named, **held)
+    assert read_recordings(named)[0].labels == ("poke",)
+    assert skinmap.load_recordings(named)[0].labels == ("poke",)
+    assert len(skinmap.open_source(named, speed=float("inf")).read(1.0)) > 0
+
+
+@pytest.mark.parametrize("read", [read_recordings, skinmap.load_recordings, skinmap.open_source])
+def test_a_damaged_archive_is_what_the_mapping_beside_it_says(tmp_path, read):
+    (tmp_path / "t.toml").write_text(MAPPING)
+    (tmp_path / "t.npz").write_bytes(b"PK no archive")
+    with pytest.raises(DataFormatError, match="not an NPZ of channels over time"):
+        read(tmp_path / "t.npz")
+
+
 def test_a_table_with_a_mapping_is_a_recording_to_every_command(tmp_path, channels, values):
     label = ["" if k < 20 else "poke" for k in range(SAMPLES)]
     quiet = np.where(np.arange(SAMPLES)[:, None] < 20, 0, values)

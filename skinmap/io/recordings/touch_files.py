@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from skinmap.archive import open_arrays
 from skinmap.errors import (
+    DAMAGED_ARCHIVE,
     DataFormatError,
     InvalidArrayError,
     MissingFileError,
@@ -51,6 +52,7 @@ from skinmap.touch.recording import Recording
 from skinmap.validation import checked
 
 NAME = "mapping.toml"  # for all recordings of its folder and of the folders inside
+HEAD = 4096  # bytes of the head of an archive that say whose it is
 LEVELS = 3  # folders above a recording in which it is looked for
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 
@@ -126,11 +128,13 @@ def find_mapping(path: Path) -> Mapping | None:
     DataFormatError
         One that is damaged (says what and where).
     """
-    if is_own_archive(path):
+    if is_own_archive(path, damaged=False):
         return None
     beside = path.with_suffix(".toml")
     if is_file(beside) and "[robot]" not in read_text(beside):  # a manifest beside its taxels
         return read_mapping(beside)
+    if is_own_archive(path):
+        return None
     if (inside := _mapping_inside(path)) is not None:
         return inside
     for folder in path.absolute().parents[:LEVELS]:
@@ -170,15 +174,19 @@ def needed_mapping(path: Path) -> Mapping:
     return found
 
 
-def is_own_archive(path: Path) -> bool:
-    """Whether a .npz is a Skinmap recording, or a damaged archive."""
+def is_own_archive(path: Path, *, damaged: bool = True) -> bool:
+    """Whether the head of a .npz says that Skinmap wrote it; `damaged` of a damaged archive."""
     if path.suffix.lower() != ".npz":
         return False
     try:
         with zipfile.ZipFile(path) as whole:
-            return not {"about.npy", "head.npy"}.isdisjoint(whole.namelist())
-    except (OSError, zipfile.BadZipFile):
-        return True
+            for name in {"about.npy", "head.npy"} & {*whole.namelist()}:
+                with whole.open(name) as head:
+                    if b"skinmap-" in head.read(HEAD).replace(b"\0", b""):
+                        return True
+    except DAMAGED_ARCHIVE:
+        return damaged
+    return False
 
 
 def read_mapping(path: Path) -> Mapping:

@@ -27,6 +27,7 @@ from skinmap.io.recordings.touch_files import (
     FOREIGN,
     at_one_clock,
     exported_track,
+    find_mapping,
     is_own_archive,
     read_recordings,
     read_streams,
@@ -266,7 +267,7 @@ def open_track(
     if suffix == ".mcap":
         return read_track(path, kind=kind)
     if suffix in TOUCHES:
-        own = is_own_archive(path) and path.is_file()
+        own = is_own_archive(path) and path.is_file() and find_mapping(path) is None
         if own and (track := exported_track(path)):  # of `skinmap export`
             return track
         found = read_recordings(path)

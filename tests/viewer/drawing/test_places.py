@@ -10,6 +10,7 @@ from skinmap.skin.skin import Skin
 from skinmap.touch.prepared_skin import PreparedSkin
 from tests.viewer.unpacking import unpack
 from viewer.drawing.skin.skin_layer import (
+    LIFT,
     FineSurface,
     body_places,
     flat_places,
@@ -103,6 +104,13 @@ def test_arrows_on_a_small_pad_are_about_as_long_as_it():
     rows, up = np.arange(64), np.tile([0.0, 0.0, 1.0], (64, 1))
     skin = Skin("pad", "link", rows, rows, np.column_stack([grid, np.zeros(64)]), up)
     assert 0.5 * 0.028 < LONG * mark_scale(skin) < 1.5 * 0.028
+
+
+def test_the_sheet_of_a_few_taxels_stays_above_a_cover():
+    grid = np.mgrid[0:2, 0:2].reshape(2, -1).T * 5e-3
+    rows, up = np.arange(4), np.tile([0.0, 0.0, 1.0], (4, 1))
+    skin = Skin("pad", "link", rows, rows, np.column_stack([grid, np.zeros(4)]), up)
+    assert LIFT * mark_scale(skin) >= 1e-3
 
 
 def test_a_page_has_the_flat_map_whole_on_both_sides_of_a_seam(tube, opengl):

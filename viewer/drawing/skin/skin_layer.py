@@ -181,8 +181,9 @@ def _curved(positions: FloatArray, normals: FloatArray, ends: IntArray) -> Float
 
 # Lifts, depths and arrows are those of skins of a pitch from FINE to COARSE [m]; on finer ones they
 # shrink with it, and on coarser ones they grow as far as the skin is longer than WIDE [m]. On a
-# skin shorter than SMALL [m] arrows are about as long as it is.
-FINE, COARSE, WIDE, SMALL = 4.5e-3, 7.0e-3, 0.5, 0.06
+# skin shorter than SMALL [m] arrows are about as long as it is, down to a scale of LEAST: the sheet
+# stays above a cover.
+FINE, COARSE, WIDE, SMALL, LEAST = 4.5e-3, 7.0e-3, 0.5, 0.06, 0.5
 LIFT = 2.0e-3  # the sheet above the taxels [m]: covers lie up to 1 mm above taxels
 DISC_LIFT = 0.35e-3  # dots and discs above the sheet [m]
 DOT_SHARE = 0.16  # a dot's radius in spacings
@@ -240,7 +241,8 @@ def mark_scale(skin: Skin) -> float:
     """Lifts and arrows of a skin, in those of a usual one."""
     pitch = skin.spacing
     size = float(np.ptp(skin.positions, axis=0).max())
-    return min(pitch / FINE, max(1.0, min(pitch / COARSE, size / WIDE)), size / SMALL or 1.0)
+    long = max(1.0, min(pitch / COARSE, size / WIDE))
+    return min(pitch / FINE, long, max(size / SMALL, LEAST) if size else 1.0)
 
 
 def body_places(mesh: SurfaceMesh, fine: FineSurface) -> Places:
