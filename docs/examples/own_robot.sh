@@ -3,9 +3,10 @@
 #
 #   docs/examples/own_robot.sh FOLDER
 set -euo pipefail
+folder=${1:?the folder to write to is missing: docs/examples/own_robot.sh FOLDER}
 robot="$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)/robot"
 
-skinmap new "$robot/robot.urdf" --taxels "$robot/forearm.csv" -o "$1/robot.toml"
-skinmap inspect "$1/robot.toml"
-skinmap flatten "$1/robot.toml" --out "$1/maps"
-skinmap view "$1/robot.toml" --source sim --screenshot "$1/touches.png"
+skinmap new "$robot/robot.urdf" --taxels "$robot/forearm.csv" -o "$folder/robot.toml"
+skinmap inspect "$folder/robot.toml"
+skinmap flatten "$folder/robot.toml" --out "$folder/maps"
+skinmap view "$folder/robot.toml" --source sim --screenshot "$folder/touches.png"

@@ -46,14 +46,14 @@ def one(said, start):
 
 def test_page_shows_what_it_promises():
     shown = " ".join(LINES)
-    for words in ("--label poke", "--label stroke", "train a.mcap b.mcap",
+    for words in ("--label poke", "--label edge", "train a.mcap b.mcap",
                   "evaluate a.mcap b.mcap --leave-out session", "view "):  # fmt: skip
         assert words in shown
 
 
 def test_record_counts_touches_and_labels(said):
     assert re.search(r"1[0-9]|2[0-9] touches: \d+ poke", one(said, "record sim:poke"))
-    assert "stroke" in one(said, "record sim:edge")
+    assert "edge" in one(said, "record sim:edge")
 
 
 def test_label_writes_new_files_only(said):
@@ -64,7 +64,7 @@ def test_label_writes_new_files_only(said):
 
 def test_train_warns_of_labels_of_one_session(said):
     first = one(said, "train a.mcap b.mcap -o")
-    assert "warning: recorded in one session only: poke (monday), stroke (monday)" in first
+    assert "warning: recorded in one session only: poke (monday), edge (monday)" in first
     last = one(said, "train a.mcap b.mcap c.mcap")
     assert "sessions:" in last
     assert "people:" in last
