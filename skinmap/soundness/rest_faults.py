@@ -111,7 +111,7 @@ def _step(
 
 
 def _before_and_after(survey: Survey, lively: NDArray[np.int64]) -> list[Finding]:
-    """Rest at the end of a load on the whole skin beside rest at its begin."""
+    """Rest at the end of a load on the whole skin beside rest at its beginning."""
     skin = np.median(survey.response[:, lively], axis=1)
     edge = max(len(skin) // 60, 2)
     span = float(np.percentile(skin, 99.0) - np.percentile(skin, 1.0))

@@ -479,8 +479,8 @@ def clock_faults(survey: Survey, step: float) -> list[Finding]:
     more = f"; rows are lost near reference rows {', '.join(map(str, breaks))}" if breaks else ""
     text = (
         f"The reference runs on another clock: skin row = {offset:.1f} + {1.0 + slope:.5f} x "
-        f"reference row (residual {first.residual_rows:.1f} rows). It lags the skin by "
-        f"{ends[0]:.0f} rows at its begin and {ends[1]:.0f} at its end{more}."
+        f"reference row (residual {first.residual_rows:.1f} rows). The offset is "
+        f"{ends[0]:.0f} rows at the beginning and {ends[1]:.0f} at the end{more}."
     )
     return [
         finding(
