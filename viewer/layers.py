@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
 from skinmap.errors import SkinMismatchError, UnknownNameError, check_known
 from skinmap.live.contacts.named_touch import Moment, NamedTouch
+from skinmap.live.response.loads import far_rest
 from skinmap.live.touched_taxels import Touched
 from skinmap.neighbours.offsets import auto_radius, concatenate
 from skinmap.neighbours.structures import find_structures, usual_radius, usual_tolerance
@@ -334,9 +335,13 @@ class Layers:
         """(n,) pressures [kPa] of a part that is calibrated."""
         sent = "raw" if moment is not None and part in moment.raw else "pressures"
         counts = self._sent(sent, part, moment)
-        if part not in self._loads:
+        load = self._loads.get(part)
+        # Pressures rest at 0: a calibration of raw counts reads nothing from them.
+        if load is None or (
+            sent == "pressures" and far_rest(load, 0.0 * load.rest, pressures=True)
+        ):
             return np.full(len(counts), np.nan)
-        found = KILOPASCALS * self._loads[part].steady(counts)
+        found = KILOPASCALS * load.steady(counts)
         return np.where(self.watch.mute(part), np.nan, found)
 
     def _raw(self) -> Layer:

@@ -190,11 +190,16 @@ def _heard(spec: str, robot: str | None, part: str | None, seconds: float, n: in
 
 
 def _lines(result: RestResult) -> Iterator[str]:
+    from skinmap.live.response.loads import REST_FAR
+
     yield (
         f"zero of {result.channels} taxels from {result.samples} samples: rest moved by "
         f"{result.shift_counts:+.1f} counts, {result.shared_bar:+.3f} bar of it shared"
     )
     if result.far:
-        yield f"moved by above 12 % of their range, does something press? {first_few(result.far)}"
+        words = (
+            f"rest moved by more than {100 * REST_FAR:.0f} % of the range (does something press?)"
+        )
+        yield f"{words}: {first_few(result.far)}"
     yield f"the zero before it was {result.age_seconds / 60:.0f} minutes old"
     yield result.file

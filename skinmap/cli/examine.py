@@ -33,7 +33,7 @@ from skinmap.report.page import (
     picture_bytes,
     plain_figure,
 )
-from skinmap.report.present import PAGE, emit, show
+from skinmap.report.present import PAGE, emit, show, singular
 from skinmap.report.result import REFUSED_CODE, significant
 from skinmap.report.table import Table
 from skinmap.soundness.examination import Examined, ExaminedFile, arrays_of, examine_tracks, mend
@@ -130,7 +130,9 @@ MOST_SPANS = 400
 def examined_page(result: Examined, surveys: list[Survey]) -> str:
     """The HTML of an examination."""
     state = "Sound" if result.sound else "Findings that matter"
-    return page(f"{state}: {len(result.files)} recordings", list(_sections(result, surveys)))
+    return page(
+        singular(f"{state}: {len(result.files)} recordings"), list(_sections(result, surveys))
+    )
 
 
 def _sections(result: Examined, surveys: list[Survey]) -> Iterator[str]:

@@ -505,7 +505,7 @@ def test_taxels_whose_rest_moved_far_are_named(fit, tmp_path):
     rest[:, [3, 7]] -= 25
     np.savez(tmp_path / "rest.npz", samples=rest, times=np.arange(200) / RATE)
     words = ["calibrate", "rest", tmp_path / "rest.npz", "-o", tmp_path / "load.npz"]
-    assert "does something press? 3, 7\n" in run(*words).stdout
+    assert "(does something press?): 3, 7\n" in run(*words).stdout
     assert json.loads(run(*words, "--json").stdout)["far"] == [3, 7]
 
 

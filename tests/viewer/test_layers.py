@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -180,6 +182,9 @@ def test_pressures_are_kilopascals_where_a_load_calibration_is_given(prepared):
     assert np.isnan(found[7])
     np.testing.assert_allclose(np.delete(found, 7), 25.0)
     assert layers.counts.unit == "counts"
+    raw = replace(load, rest=240 * each, span=-200 * each)  # counts that fall from 240
+    layers = Layers({"torso": prepared("torso")}, loads={"torso": raw})
+    assert np.isnan(layers.get("pressure").values("torso", Moment(0.0, {"torso": 0 * each}))).all()
 
 
 def test_a_taxel_that_was_never_touched_is_grey_and_sound(prepared):

@@ -52,7 +52,7 @@ from skinmap.touch.recording import Recording
 from skinmap.validation import checked
 
 NAME = "mapping.toml"  # for all recordings of its folder and of the folders inside
-HEAD = 4096  # bytes of the head of an archive that say whose it is
+HEAD = 4096  # bytes of the head of an archive, which hold its format
 LEVELS = 3  # folders above a recording in which it is looked for
 Positive = Annotated[float, msgspec.Meta(gt=0)]
 
@@ -175,7 +175,7 @@ def needed_mapping(path: Path) -> Mapping:
 
 
 def is_own_archive(path: Path, *, damaged: bool = True) -> bool:
-    """Whether the head of a .npz says that Skinmap wrote it; `damaged` of a damaged archive."""
+    """Whether a .npz has the head of a Skinmap recording; `damaged` of a damaged archive."""
     if path.suffix.lower() != ".npz":
         return False
     try:
