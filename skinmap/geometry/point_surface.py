@@ -39,6 +39,10 @@ class Way:
         """[m]."""
         return STEP * (len(self.points) - 1)
 
+    def back(self) -> Way:
+        """The same way from its end to its start."""
+        return Way(self.points[::-1], -self.headings[::-1], self.normals[::-1])
+
 
 class PointSurface:
     """The surface that oriented points are samples of.
@@ -78,7 +82,13 @@ class PointSurface:
         return place, normal, float(gap[0])
 
     def walk(
-        self, start: FloatArray, heading: FloatArray, length: float, *, bend: float = 0.0
+        self,
+        start: FloatArray,
+        heading: FloatArray,
+        length: float,
+        *,
+        bend: float = 0.0,
+        over: float = 0.0,
     ) -> Way:
         """The way of a length [m] from a point, or as much of it as there is skin.
 
@@ -90,6 +100,8 @@ class PointSurface:
             [m].
         bend : float
             Geodesic curvature, left is positive [1/m]; 0 is a geodesic.
+        over : float
+            How far it may go on beyond the rim of the skin [m].
         """
         place, normal, _ = self.project(start)
         ahead = _along(heading, normal)
@@ -97,7 +109,7 @@ class PointSurface:
         c, s = np.cos(STEP * bend), np.sin(STEP * bend)
         for _ in range(int(np.ceil(length / STEP))):
             place, normal, gap = self.project(place + STEP * ahead)
-            if gap > OFF * self.spacing:
+            if gap > OFF * self.spacing + over:
                 break
             ahead = _along(ahead, normal)
             ahead = c * ahead + s * np.cross(normal, ahead)

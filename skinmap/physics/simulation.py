@@ -43,6 +43,7 @@ from skinmap.touch.simulation.variety import (
     hand_sizes,
     happens,
     on_skin_of,
+    over_rim_of,
 )
 
 AROUND = 5  # taxels whose normals an arm comes in along
@@ -171,7 +172,9 @@ def simulate(
             progress(skin.part)
         person = people[int(rng.integers(len(people)))]
         if name in TIME:
-            missed[name] += missed[name] >= MISSES or not player.touch_in_time(name, person)
+            missed[name] += missed[name] >= MISSES or not player.touch_in_time(
+                name, person, variety
+            )
             continue
         place = None
         if missed[name] < MISSES:
@@ -308,7 +311,13 @@ def presser_axes(skin: Skin, taxel: int, angle: float) -> FloatArray:
 
 
 def press_in_time(
-    name: str, ground: Ground, person: Person, *, rate: float, rng: np.random.Generator
+    name: str,
+    ground: Ground,
+    person: Person,
+    *,
+    rate: float,
+    rng: np.random.Generator,
+    variety: float = 1.0,
 ) -> tuple[Laid, FloatArray, FloatArray] | None:
     """A touch in time at a place drawn at random; None where it does not fit.
 
@@ -352,7 +361,8 @@ def press_in_time(
             centres.append(np.nan_to_num(made.centres[-1]))
             return np.asarray(ground.feel[:, made.springs] @ made.loads[-1])
 
-        laid = lay(laid_on, gesture, push, subject.hand, rng=rng)
+        over = over_rim_of(variety, rng)
+        laid = lay(laid_on, gesture, push, subject.hand, rng=rng, over=over)
         if laid is not None:
             if gesture.other:  # both sides of a grip are one pose
                 forces, centres = [sum(forces[-2:])], [np.mean(centres[-2:], axis=0)]
@@ -391,10 +401,10 @@ class _Player(Plays):
         self._forces = [np.zeros(0)]
         self._places = [np.zeros((0, 3))]
 
-    def touch_in_time(self, name: str, person: Person) -> bool:
+    def touch_in_time(self, name: str, person: Person, variety: float) -> bool:
         """A touch that goes on in time; whether there was a place for it."""
         rng = self.rng
-        made = press_in_time(name, self._ground, person, rate=self.rate, rng=rng)
+        made = press_in_time(name, self._ground, person, rate=self.rate, rng=rng, variety=variety)
         if made is None:
             return False
         laid, forces, centres = made

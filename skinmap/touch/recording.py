@@ -235,7 +235,7 @@ class TrueMotion:
     times : (p,) float
         Of the places [s]; none where the touch stays.
     places : (p, 3) float
-        Where the middle of the hand was on the skin, in the link's frame [m].
+        Where the middle of the hand was on the skin, or beyond its rim, in the link's frame [m].
     turned : float
         How far it was twisted [rad].
     """

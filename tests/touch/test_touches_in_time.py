@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.point_surface import STEP, PointSurface
+from skinmap.geometry.point_surface import OFF, STEP, PointSurface
 from skinmap.recognition.descriptors import recorded_touches
 from skinmap.skin.skin import skin_from_points
 from skinmap.touch.contacts.motion_features import (
@@ -19,7 +19,8 @@ from skinmap.touch.prepared_skin import PreparedSkin
 from skinmap.touch.recording import Recording, TrueMotion, load_recordings, save_recordings
 from skinmap.touch.simulation.gestures import TIME
 from skinmap.touch.simulation.moving_touches import TIME_GESTURES
-from skinmap.touch.simulation.simulator import simulate
+from skinmap.touch.simulation.simulator import place, prepare, simulate
+from skinmap.touch.simulation.variety import draw_subjects
 
 RADIUS = 0.04
 
@@ -56,6 +57,32 @@ def test_walk_ends_where_the_skin_ends():
     points, normals = cylinder()
     way = PointSurface(points, normals, 5e-3).walk(points[0], np.array([0, 0, 1.0]), 1.0)
     assert 0.145 < way.length < 0.16
+
+
+def test_walk_goes_on_beyond_the_rim_as_far_as_it_may_and_comes_back():
+    points, normals = cylinder()
+    surface = PointSurface(points, normals, 5e-3)
+    ahead = np.array([0, 0, 1.0])
+    ends = surface.walk(points[0], ahead, 1.0)
+    way = surface.walk(points[0], ahead, 1.0, over=0.02)
+    assert way.length == pytest.approx(ends.length + 0.02, abs=2 * STEP)
+    np.testing.assert_allclose(np.hypot(*way.points[:, :2].T), RADIUS, atol=1e-3)
+    back = way.back()
+    np.testing.assert_array_equal(back.points[0], way.points[-1])
+    assert (back.headings @ ahead < -0.99).all()
+
+
+@pytest.mark.parametrize(("variety", "over"), [(1.0, False), (2.0, True)])
+def test_beyond_wide_touches_that_move_come_and_go_over_the_rim(limb, variety, over):
+    stage = prepare(limb, rng=np.random.default_rng(0), variety=variety)
+    (person,) = draw_subjects(1, rng=np.random.default_rng(0))
+    rng = np.random.default_rng(1)
+    found = [place(stage, "stroke", person, rng=rng) for _ in range(40)]
+    heights = [one.motion.places[:, 2] for one in found if one is not None]
+    beyond = [np.maximum(-row, row - 0.145) > OFF * 5e-3 + STEP for row in heights]
+    assert any(rows[0] for rows in beyond) == over
+    assert any(rows[-1] for rows in beyond) == over
+    assert all(rows.mean() < 0.5 for rows in beyond)
 
 
 def test_a_helix_rolled_out_is_a_straight_line_of_its_length():

@@ -204,7 +204,7 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
     "--variety",
     "none|some|wide|wider|X",
     "Random spread of simulated touches and sensors, as in `skinmap simulate`.  "
-    "[default: wide; kaspar, baxter: none, as in the papers]",
+    "[default: wide; kaspar, baxter: none, as in the papers; physics: wider]",
 )
 @choice(
     "--sampling",
@@ -331,7 +331,8 @@ def _variety(protocol: str, asked: str | None) -> float:
 
     if asked and (protocol == "recordings" or protocol in ON_DATA):
         raise click.UsageError(f"{protocol}: recorded touches have no --variety")
-    return variety_of(asked or ("none" if protocol in CLEAN else "wide"))
+    usual = "none" if protocol in CLEAN else "wider" if protocol == "physics" else "wide"
+    return variety_of(asked or usual)
 
 
 def _protocol(protocol: str | None, recordings: tuple[Path, ...]) -> tuple[str, tuple[Path, ...]]:

@@ -122,12 +122,16 @@ class Playing:
 
 
 def played(task: Playing) -> list[Recording]:
-    """The recordings of what is played; of MuJoCo one."""
+    """The recordings of what is played; of MuJoCo one.
+
+    Of several recordings every second is at most `wide`: what is rarer stands beside it.
+    """
     skin = task.skin.skin
     how: dict[str, Any] = {"gestures": task.gestures, "per_gesture": task.per_gesture}
     how["rng"] = task_rng(task.seed)
     if task.physics == OURS:
-        return [simulate(skin, variety=task.variety, **how) for _ in range(task.times)]
+        varieties = task.variety, min(task.variety, DEFAULT)
+        return [simulate(skin, variety=varieties[k % 2], **how) for k in range(task.times)]
     from skinmap.physics.simulation import simulate as press
 
     return [press(skin, variant=task.physics, **how)]

@@ -28,7 +28,7 @@ from skinmap.skin.skin import Skin
 from skinmap.touch.recording import TrueMotion
 from skinmap.touch.simulation.elastic_bed import Foam, bed_loads
 from skinmap.touch.simulation.hands import HANDS, STIFF, Body, Draw, fingertip, shared, shifted
-from skinmap.touch.simulation.variety import Subject
+from skinmap.touch.simulation.variety import LESS_ON_SKIN, Subject
 
 SPEED = (0.02, 0.3)  # of strokes [m/s]
 RHYTHM = (0.8, 1.0, 1.25)  # of a person, by habit
@@ -364,28 +364,47 @@ def bed_press(ground: Ground, gesture: TimeGesture, foam: Foam) -> Press:
 
 
 def lay(
-    ground: Ground, gesture: TimeGesture, press: Press, hand: float, *, rng: np.random.Generator
+    ground: Ground,
+    gesture: TimeGesture,
+    press: Press,
+    hand: float,
+    *,
+    rng: np.random.Generator,
+    over: float = 0.0,
 ) -> Laid | None:
-    """A touch in time at a place drawn at random; None where it does not fit."""
+    """A touch in time at a place drawn at random; None where it does not fit.
+
+    One that moves along the skin may go `over` its rim so far [m], or come from there.
+    """
     start = int(rng.integers(len(ground.skin)))
     heading = _tangent(ground.skin.normals[start], float(rng.uniform(0.0, 2.0 * np.pi)))
     if gesture.other:
         return _grip(ground, gesture, start, heading, hand, press)
     if gesture.way > 0:
-        return _moving(ground, gesture, start, heading, press)
+        return _moving(ground, gesture, start, heading, press, over=over, rng=rng)
     return _staying(ground, gesture, start, heading, press)
 
 
 def _moving(
-    ground: Ground, gesture: TimeGesture, start: int, heading: FloatArray, press: Press
+    ground: Ground,
+    gesture: TimeGesture,
+    start: int,
+    heading: FloatArray,
+    press: Press,
+    *,
+    over: float,
+    rng: np.random.Generator,
 ) -> Laid | None:
-    way = ground.surface.walk(ground.skin.positions[start], heading, gesture.way, bend=gesture.bend)
+    place = ground.skin.positions[start]
+    way = ground.surface.walk(place, heading, gesture.way, bend=gesture.bend, over=over)
     if way.length < LEAST_SHARE * gesture.way:
         return None
+    if over > 0.0 and rng.random() < 0.5:
+        way = way.back()
     course = gesture.course(way.length)
     laid = along_way(way, course, press)
     felt = (laid.loads > FELT).any(axis=1)
-    return laid if felt.mean() >= ALWAYS else None
+    return laid if felt.mean() >= ALWAYS - LESS_ON_SKIN * (over > 0.0) else None
 
 
 def along_way(way: Way, course: Course, press: Press) -> Laid:

@@ -54,6 +54,7 @@ from skinmap.touch.simulation.variety import (
     draw_subjects,
     happens,
     on_skin_of,
+    over_rim_of,
     uses_pads,
 )
 
@@ -304,7 +305,8 @@ def _place_in_time(
         draw = Draw(rng, min(stage.variety, 1.0), size, subject.force)
         gesture = TIME_GESTURES[name](draw, timing)
         press = bed_press(stage.ground, gesture, foam)
-        laid = lay(stage.ground, gesture, press, size, rng=rng)
+        over = over_rim_of(stage.variety, rng)
+        laid = lay(stage.ground, gesture, press, size, rng=rng, over=over)
         if laid is not None:
             return Placed(name, laid.loads, subject, laid.weights, laid.motion)
     return None

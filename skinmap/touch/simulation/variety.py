@@ -233,6 +233,7 @@ CROSS_TALK = 0.08  # more at most within a module, at 2
 LEANS, ROLLS = 0.35, 0.4  # share of touches that come in obliquely at 2, and that roll while held
 COMPRESSION = 0.6  # of high readings at most, at 2
 AT_RIM, LESS_ON_SKIN = 0.35, 0.3  # share of touches that lie over a rim at 2, and by how much
+OVER_RIM = (0.01, 0.03)  # how far those that move go over it, or come from there [m]; estimated
 
 
 def variety_of(text: str) -> float:
@@ -270,6 +271,11 @@ def on_skin_of(variety: float, enough: float, rng: np.random.Generator) -> float
     Half of a touch at the rim of a patch is on nothing.
     """
     return enough - LESS_ON_SKIN * happens(AT_RIM, variety, rng)
+
+
+def over_rim_of(variety: float, rng: np.random.Generator) -> float:
+    """How far a touch that moves may go over the rim [m]; 0 up to 1, where nothing is drawn."""
+    return float(rng.uniform(*OVER_RIM)) if happens(AT_RIM, variety, rng) else 0.0
 
 
 def happens(share: float, variety: float, rng: np.random.Generator) -> bool:
