@@ -99,7 +99,7 @@ class HandNetworks:
         Names of touches that they tell apart.
     mean, scale : (d,) float
         Of the rows that they learnt from.
-    first, second, third : (k, d + 1, h), (k, h + 1, h), (k, h + 1, c) float
+    first, second, third : (k, d + 1, h), (k, h + 1, g), (k, g + 1, c) float
         Weights of each of k networks, the last row of a layer what it adds.
     """
 
@@ -111,8 +111,9 @@ class HandNetworks:
     third: FloatArray
 
     def __post_init__(self) -> None:
-        count, width, columns = len(self.first), self.first.shape[-1], len(self.mean)
-        sizes = ((columns + 1, width), (width + 1, width), (width + 1, len(self.labels)))
+        count, columns = len(self.first), len(self.mean)
+        wide, narrow = self.first.shape[-1], self.second.shape[-1]
+        sizes = ((columns + 1, wide), (wide + 1, narrow), (narrow + 1, len(self.labels)))
         layers = (self.first, self.second, self.third)
         fit = all(one.shape == (count, *size) for one, size in zip(layers, sizes, strict=True))
         sound = all(np.isfinite(one).all() for one in (self.mean, self.scale, *layers))
