@@ -32,7 +32,7 @@ class TriangleMesh:
 def cross_products(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """(m, 3) cross products of two edges [m2]; length is twice the area, direction the normal."""
     a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
-    return np.cross(b - a, c - a)
+    return cross(b - a, c - a)
 
 
 def face_areas(vertices: FloatArray, faces: IntArray) -> FloatArray:

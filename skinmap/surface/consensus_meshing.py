@@ -14,6 +14,7 @@ from skinmap.errors import InvalidArrayError
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.topology import (
     boundary_loops,
+    by_edge,
     face_components,
     half_edges,
     loop_length,
@@ -184,7 +185,6 @@ def _quality(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 
 FACING = 0.3  # cosine between a triangle's normal and its taxels': 73 degrees
-PACKED = 2**21  # points up to here: three indices fit into one 64-bit key
 
 
 def consensus(
@@ -207,7 +207,7 @@ def consensus(
     solid = is_solid(points, normals, triangles, longest, least_altitude)
     order = np.lexsort((longest[solid], -count[solid]))
     triangles = triangles[solid][order]
-    return without_pinches(triangles[take_in_turn(_edge_numbers(triangles, len(points)))])
+    return without_pinches(triangles[take_in_turn(_edge_numbers(triangles))])
 
 
 def is_solid(
@@ -221,33 +221,31 @@ def is_solid(
     cross = cross_products(points, triangles)
     double = np.sqrt(np.einsum("ij,ij->i", cross, cross))
     up = normals[triangles]
-    mean = up.sum(axis=1)
+    mean = up[:, 0] + up[:, 1] + up[:, 2]
     facing = np.einsum("ij,ij->i", cross, mean)
     solid = double > least_altitude * longest
     solid &= facing > FACING * double * np.sqrt(np.einsum("ij,ij->i", mean, mean))
     # No corner may look the other way: its taxel is on the far side, or its normal turned over.
-    solid &= np.einsum("tij,tj->ti", up, cross).min(axis=1, initial=np.inf) > 0
-    return np.asarray(solid)
+    return np.asarray(solid & (np.einsum("tij,tj->ti", up, cross) > 0).all(axis=1))
 
 
 def tally(votes: IntArray, n: int) -> tuple[IntArray, IntArray]:
     """Triangles (k, 3) that got votes (t, 3), smallest corner first, sorted; votes (k,) of each."""
-    if n > PACKED:
-        start = np.argmin(votes, axis=1)
-        rolled = np.take_along_axis(votes, (start[:, None] + np.arange(3)) % 3, axis=1)
-        return np.unique(rolled, axis=0, return_counts=True)
-    a, b, c = votes.T
-    turns = [(a * n + b) * n + c, (b * n + c) * n + a, (c * n + a) * n + b]
-    key, count = np.unique(np.minimum.reduce(turns), return_counts=True)
-    pair, last = np.divmod(key, n)
-    return np.column_stack([*np.divmod(pair, n), last]), count
+    corners = np.array(votes.T, np.min_scalar_type(n), order="C")  # short numbers sort quickly
+    for _ in range(2):
+        corners = np.where(corners[0] > corners.min(axis=0), corners[[1, 2, 0]], corners)
+    corners = corners[:, np.lexsort(corners[::-1])]
+    changes = (corners[:, 1:] != corners[:, :-1]).any(axis=0)
+    fresh = np.flatnonzero(np.append(True, changes))
+    return np.array(corners[:, fresh].T, np.int64, order="C"), np.diff(fresh, append=len(votes))
 
 
-def _edge_numbers(triangles: IntArray, n: int) -> IntArray:
+def _edge_numbers(triangles: IntArray) -> IntArray:
     """(t, 3) number of the directed edge behind each corner: equal edges, equal numbers."""
-    key = triangles * n + triangles[:, [1, 2, 0]]
-    _, number = np.unique(key, return_inverse=True)
-    return np.asarray(number.reshape(-1, 3), np.int64)
+    order, same = by_edge(triangles)
+    number = np.empty(triangles.size, np.int64)
+    number[order] = 2 * np.cumsum(~np.append(False, same)[: len(order)])
+    return number.reshape(-1, 3) + (triangles < triangles[:, [1, 2, 0]])
 
 
 def take_in_turn(numbers: IntArray) -> BoolArray:
