@@ -56,14 +56,7 @@ def accurate_faces(cloud: Cloud, limits: Limits, body: TriangleMesh) -> IntArray
     triangles, neighbours = voronoi_dual(cloud, surface)
     reached = near_along(neighbours, _rings(cloud, limits), 2.0 * limits.max_edge.max())
     near = _as_near_as_seen(cloud, reached)
-    votes = delaunay_stars(
-        cloud.points,
-        cloud.normals,
-        cloud.spacing,
-        limits.max_edge,
-        neighbours=CROWD,
-        allowed=near,
-    )
+    votes = delaunay_stars(cloud, limits.max_edge, neighbours=CROWD, allowed=near)
     triangles = _within(cloud, triangles, near, limits.max_edge)
     votes = np.concatenate([*DUAL_VOTES * [triangles], votes])
     faces = consensus(cloud.points, cloud.normals, votes, limits.least_altitude)

@@ -69,9 +69,7 @@ class Limits:
 
 def consensus_faces(cloud: Cloud, limits: Limits, *, neighbours: int = NEIGHBOURS) -> IntArray:
     """Faces (m, 3) over the points of a cloud."""
-    votes = delaunay_stars(
-        cloud.points, cloud.normals, cloud.spacing, limits.max_edge, neighbours=neighbours
-    )
+    votes = delaunay_stars(cloud, limits.max_edge, neighbours=neighbours)
     faces = consensus(cloud.points, cloud.normals, votes, limits.least_altitude)
     return close_small_holes(cloud, limits, faces)
 
