@@ -87,10 +87,10 @@ def signed_areas(uv: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(k, 3) cross products of vectors (k, 3); of a few, numpy's own takes twice as long."""
+    """(..., 3) cross products of vectors (..., 3); numpy's own takes twice as long."""
     found = np.empty(a.shape)
     for one, other, into in ((1, 2, 0), (2, 0, 1), (0, 1, 2)):
-        found[:, into] = a[:, one] * b[:, other] - a[:, other] * b[:, one]
+        found[..., into] = a[..., one] * b[..., other] - a[..., other] * b[..., one]
     return found
 
 

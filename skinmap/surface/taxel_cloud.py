@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_points
 from skinmap.errors import InvalidMeshError
-from skinmap.geometry.proximity import nearest, nearest_of
+from skinmap.geometry.proximity import nearest_of
 from skinmap.geometry.rigid import tangent_frames
 
 MERGE = 1e-2  # in spacings: closer taxels are one vertex
@@ -52,7 +52,7 @@ class Cloud:
         Median distance to the nearest other point, in units.
     spacings : (k,) float
         The same about each point: more in an area coarser than the median.
-    nearest : (k, c) int
+    nearest : (c, k) int
         The nearest other points of each.
     reach : (k,) float
         All others are at least as far away, in units.
@@ -72,8 +72,8 @@ class Cloud:
         self.representative, self.vertices, near, (distance, index) = _distinct(
             scaled, normals, tolerance
         )
-        self.nearest = index[:, :FIRST]
-        self.reach = distance[:, FIRST] if index.shape[1] > FIRST else np.full(len(index), np.inf)
+        self.nearest = index[:FIRST]
+        self.reach = distance[FIRST] if len(index) > FIRST else np.full(index.shape[1], np.inf)
         self.points, self.normals = scaled[self.vertices], normals[self.vertices]
         self.spacing = float(np.median(near))
         self.spacings = local_spacings(self.points, self.normals, near, self.spacing)
@@ -135,9 +135,9 @@ def _distinct(
     vertices, representative = order[fresh], np.empty(len(points), np.int64)
     representative[order] = vertices[np.cumsum(fresh) - 1]
     while len(vertices) > 2:
-        either = nearest(points[vertices], FIRST + 1)
+        either = _nearest(points[vertices], FIRST + 1)
         distance, index = _on_its_side(normals[vertices], *either)
-        near, far = distance[:, 0], distance[:, -1]
+        near, far = distance[0], distance[-1]
         spacing, wide = float(np.median(near)), float(np.median(far))
         crowded = spacing <= MERGE * wide < np.inf
         limit = (MERGE * (wide if crowded else spacing)) if tolerance is None else tolerance
@@ -145,7 +145,7 @@ def _distinct(
         if len(row) == 0:
             return representative, vertices, near, either
         pairs = coo_array(
-            (np.ones(len(row)), (row, index[row, column])), shape=(len(vertices),) * 2
+            (np.ones(len(row)), (index[row, column], column)), shape=(len(vertices),) * 2
         )
         _, label = connected_components(pairs, directed=False)
         lowest = np.full(label.max() + 1, len(points))
@@ -165,26 +165,33 @@ def gaps_on_one_side(points: FloatArray, normals: FloatArray) -> FloatArray:
     distinct, first = np.unique(points, axis=0, return_index=True)
     if len(distinct) < 2:
         return np.zeros(1)
-    gap = _on_its_side(normals[first], *nearest(distinct, COPIES))[0][:, 0]
+    gap = _on_its_side(normals[first], *_nearest(distinct, COPIES))[0][0]
     return gap[gap < np.inf]
+
+
+def _nearest(points: FloatArray, count: int) -> tuple[FloatArray, IntArray]:
+    """Distances (c, k) and indices (c, k) of the nearest others of points (k, 3)."""
+    tree = cKDTree(points, compact_nodes=False, balanced_tree=False)
+    distance, index = nearest_of(tree, np.arange(len(points)), count)
+    return np.ascontiguousarray(distance.T), np.ascontiguousarray(index.T)
 
 
 def _on_its_side(
     normals: FloatArray, distance: FloatArray, index: IntArray
 ) -> tuple[FloatArray, IntArray]:
-    """Distances (k, c) and indices (k, c) of the nearest, infinitely far those that face away.
+    """Distances (c, k) and indices (c, k) of the nearest, infinitely far those that face away.
 
-    As many columns as are finite in most rows, so that the last one tells of a wider ring.
+    As many as are finite in most columns, so that the last one tells of a wider ring.
     """
-    distance, index = distance[:, :COPIES], index[:, :COPIES]
-    across = faces_away(normals, np.arange(len(index))[:, None], index)
-    if not across.any() or np.median(across.all(axis=1)) > 0:
+    distance, index = distance[:COPIES], index[:COPIES]
+    across = faces_away(normals, np.arange(index.shape[1]), index)
+    if not across.any() or np.median(across.all(axis=0)) > 0:
         return distance, index  # one side only, or normals that say nothing
     distance = np.where(across, np.inf, distance)
-    order = np.argsort(distance, axis=1, kind="stable")
-    distance = np.take_along_axis(distance, order, 1)
-    kept = max(1, int((np.median(distance, axis=0) < np.inf).sum()))
-    return distance[:, :kept], np.take_along_axis(index, order, 1)[:, :kept]
+    order = np.argsort(distance, axis=0, kind="stable")
+    distance = np.take_along_axis(distance, order, 0)
+    kept = max(1, int((np.median(distance, axis=1) < np.inf).sum()))
+    return distance[:kept], np.take_along_axis(index, order, 0)[:kept]
 
 
 def faces_away(normals: FloatArray, rows: IntArray, index: IntArray) -> BoolArray:
@@ -239,35 +246,34 @@ def delaunay_stars(
     shaken = cloud.points + jitter
     points = np.ascontiguousarray(shaken.T)
     reach = cloud.reach - 2.0 * np.linalg.norm(jitter, axis=1).max()
-    found, left = [np.zeros((0, 3), np.int64)], []
+    found, left = [np.zeros((3, 0), np.int64)], []
 
-    def vote(rows: IntArray, index: IntArray, steps: IntArray) -> None:
-        column, start, end = steps
-        one, other = index[start, column], index[end, column]
-        short = np.linalg.norm(points[:, one] - points[:, other], axis=0)
-        kept = short <= np.minimum(limit[one], limit[other])
-        found.append(np.column_stack([rows[column], one, other])[kept])
+    def vote(rows: IntArray, index: IntArray, path: IntArray, taken: BoolArray) -> None:
+        who = np.take_along_axis(index, path, 0)
+        chord = np.linalg.norm(np.diff(points[:, who], axis=1), axis=0)
+        taken = taken & (chord <= np.minimum(limit[who[:-1]], limit[who[1:]]))
+        found.append(np.stack([rows[np.nonzero(taken)[1]], who[:-1][taken], who[1:][taken]]))
 
     for rows in np.split(np.arange(len(shaken)), range(CHUNK, len(shaken), CHUNK)):
-        index = np.ascontiguousarray(cloud.nearest[rows].T)
+        index = cloud.nearest[:, rows]
         x, y = _inverted(points, cloud.normals, limit, rows, index, allowed)
-        steps, settled = _hull_steps(x, y)
-        column, start, end = steps
-        fromx, fromy, tox, toy = x[start, column], y[start, column], x[end, column], y[end, column]
-        size = (1.0 + MARGIN) * np.hypot(tox - fromx, toy - fromy)
-        settled[column[(fromx * toy - fromy * tox) * reach[rows[column]] <= size]] = False
-        vote(rows, index, steps[:, settled[column]])
+        path, taken, settled = _hull_paths(x, y)
+        fromx, fromy = np.take_along_axis(x, path, 0), np.take_along_axis(y, path, 0)
+        diameter = np.hypot(np.diff(fromx, axis=0), np.diff(fromy, axis=0))
+        turn = fromx[:-1] * fromy[1:] - fromy[:-1] * fromx[1:]
+        settled &= ~(taken & (turn * reach[rows] <= (1.0 + MARGIN) * diameter)).any(axis=0)
+        vote(rows, index, path, taken & settled)
         left.append(rows[~settled])
     rest = np.concatenate(left)
     tree = cKDTree(shaken, compact_nodes=False, balanced_tree=False)
     for rows in np.split(rest, range(CHUNK, len(rest), CHUNK)):
         index = np.ascontiguousarray(nearest_of(tree, rows, neighbours)[1].T)
         x, y = _inverted(points, cloud.normals, limit, rows, index, allowed)
-        steps, closed = _hull_steps(x, y)
-        vote(rows, index, steps)
-        back, _ = _hull_steps(np.where(closed, 0.0, x), -y)  # a star at a border ends both ways
-        vote(rows, index, back[[0, 2, 1]])
-    return np.concatenate(found)
+        path, taken, closed = _hull_paths(x, y)
+        vote(rows, index, path, taken)
+        path, taken, _ = _hull_paths(x, -y)  # a star at a border ends both ways
+        vote(rows, index, path[::-1], (taken & ~closed)[::-1])
+    return np.concatenate(found, axis=1).T
 
 
 def contains(pairs: csr_array, first: IntArray, second: IntArray) -> BoolArray:
@@ -292,7 +298,7 @@ def _inverted(
     shadow: strongly bent neighbourhoods stay near-isometric.
     """
     offset = points[:, index] - points[:, None, rows]
-    distance = np.linalg.norm(offset, axis=0)
+    distance = np.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
     near = (distance > 0) & (distance <= np.minimum(limit[rows], limit[index]))
     near &= ~faces_away(normals, rows, index)
     if allowed is not None:
@@ -306,29 +312,27 @@ def _inverted(
     return x * stretch, y * stretch
 
 
-def _hull_steps(x: FloatArray, y: FloatArray) -> tuple[IntArray, BoolArray]:
-    """Steps (3, s) of the hulls of inverted neighbours x, y (k, r): column, from and to.
+def _hull_paths(x: FloatArray, y: FloatArray) -> tuple[IntArray, BoolArray, BoolArray]:
+    """Ways round the hulls of inverted neighbours x, y (k, r): counter-clockwise from the nearest.
 
-    Counter-clockwise about the origin from the nearest on, as far as they go. And whether each
-    hull (r,) closes.
+    Rows (s + 1, r) on the way; which steps (s, r) are taken; whether each hull (r,) closes.
     """
-    column, going = np.arange(x.shape[1]), np.ones(x.shape[1], np.bool_)
-    square = x * x + y * y
-    first = here = square.argmax(axis=0)
+    column, square = np.arange(x.shape[1]), x * x + y * y
+    here = square.argmax(axis=0)
     tiny = FLAT * square.max(axis=0)
-    steps, closed = [np.zeros((3, 0), np.int64)], np.zeros(len(column), np.bool_)
+    path, taken, going = [here], [], np.ones(len(column), np.bool_)
     for _ in range(len(x)):
         fromx, fromy = x[here, column], y[here, column]
         # The one that turns least from the way out of the origin through this one.
         turn = fromx * y - fromy * x
         along = fromx * x + fromy * y - square[here, column]
-        ratio = np.divide(along, turn, out=np.full_like(turn, -np.inf), where=turn > tiny)
-        there = ratio.argmax(axis=0)
-        going &= ratio[there, column] > -np.inf
-        steps.append(np.stack([column, here, there])[:, going])
-        closed |= going & (there == first)
-        going &= there != first
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(turn > tiny, along / turn, -np.inf)
+        here = ratio.argmax(axis=0)
+        taken.append(going & (ratio[here, column] > -np.inf))
+        path.append(here)
+        going = taken[-1] & (here != path[0])
         if not going.any():
             break
-        here = there
-    return np.concatenate(steps, axis=1), closed
+    taken = np.array(taken)
+    return np.array(path), taken, (taken & (path[1:] == path[0])).any(axis=0)
