@@ -216,15 +216,15 @@ def is_solid(
     least_altitude: float,
 ) -> BoolArray:
     """(t,) whether triangles of longest edges (t,) are high enough and lie outside up."""
-    cross = cross_products(points, triangles)
-    double = np.sqrt(np.einsum("ij,ij->i", cross, cross))
-    up = normals[triangles]
-    mean = up[:, 0] + up[:, 1] + up[:, 2]
-    facing = np.einsum("ij,ij->i", cross, mean)
+    cross = cross_products(points, triangles).T
+    double = np.sqrt((cross**2).sum(axis=0))
+    up = normals.T[:, triangles.T]
+    mean = up.sum(axis=1)
+    facing = (cross * mean).sum(axis=0)
     solid = double > least_altitude * longest
-    solid &= facing > FACING * double * np.sqrt(np.einsum("ij,ij->i", mean, mean))
+    solid &= facing > FACING * double * np.sqrt((mean**2).sum(axis=0))
     # No corner may look the other way: its taxel is on the far side, or its normal turned over.
-    return np.asarray(solid & (np.einsum("tij,tj->ti", up, cross) > 0).all(axis=1))
+    return np.asarray(solid & ((up * cross[:, None]).sum(axis=0) > 0).all(axis=0))
 
 
 def tally(votes: IntArray, n: int) -> tuple[IntArray, IntArray]:
@@ -233,8 +233,8 @@ def tally(votes: IntArray, n: int) -> tuple[IntArray, IntArray]:
     for _ in range(2):
         corners = np.where(corners[0] > corners.min(axis=0), corners[[1, 2, 0]], corners)
     corners = corners[:, np.lexsort(corners[::-1])]
-    changes = (corners[:, 1:] != corners[:, :-1]).any(axis=0)
-    fresh = np.flatnonzero(np.append(True, changes))
+    a, b, c = corners[:, 1:] != corners[:, :-1]
+    fresh = np.flatnonzero(np.append(True, a | b | c))
     return np.array(corners[:, fresh].T, np.int64, order="C"), np.diff(fresh, append=len(votes))
 
 
@@ -270,23 +270,41 @@ def take_in_turn(numbers: IntArray) -> BoolArray:
 
 def without_pinches(faces: IntArray) -> IntArray:
     """Faces less the smaller fans at vertices where two or more fans meet in a point."""
-    while True:
+    while not one_fan(faces).all():
         fan, vertex = fans(faces)
         size = np.bincount(fan)
-        if len(size) == np.count_nonzero(np.bincount(faces.ravel())):
-            return faces
         # Largest fan first at each vertex, then the one with the earliest face.
         rank = np.lexsort((np.arange(len(size)), -size, vertex))
         smaller = np.zeros(len(size), np.bool_)
         smaller[rank[1:]] = vertex[rank[1:]] == vertex[rank[:-1]]
         faces = faces[~smaller[fan].reshape(-1, 3).any(axis=1)]
+    return faces
 
 
-def pinched_vertex(faces: IntArray) -> int:
-    """A vertex where two fans meet in a point; -1 where there is none."""
-    _, vertex = fans(faces)
-    used, count = np.unique(vertex, return_counts=True)
-    return int(used[np.argmax(count)]) if (count > 1).any() else -1
+def one_fan(faces: IntArray) -> BoolArray:
+    """(3 m,) whether each corner is met on one walk round its vertex: not if in a second fan."""
+    vertex, ahead = faces.ravel(), corners_ahead(faces)
+    begin = np.full(int(vertex.max(initial=-1)) + 1, -1)
+    begin[vertex] = np.arange(len(vertex))
+    behind = np.zeros(len(vertex) + 1, np.bool_)
+    behind[ahead] = True
+    ends = np.flatnonzero(~behind[:-1])
+    begin[vertex[ends]] = ends
+    met, here = np.zeros(len(vertex), np.bool_), begin[begin >= 0]
+    while len(here):
+        met[here] = True
+        here = ahead[here]
+        here = here[here >= 0]
+        here = here[~met[here]]
+    return met
+
+
+def corners_ahead(faces: IntArray) -> IntArray:
+    """(3 m,) next corner at the same vertex, clockwise; -1 where the fan ends."""
+    twin = twins(faces)
+    # The edge behind corner c runs back from the corner after its twin, at the same vertex.
+    after = np.arange(faces.size).reshape(-1, 3)[:, [1, 2, 0]].ravel()
+    return np.where(twin >= 0, after[twin], -1)
 
 
 def fans(faces: IntArray) -> tuple[IntArray, IntArray]:
@@ -294,12 +312,10 @@ def fans(faces: IntArray) -> tuple[IntArray, IntArray]:
 
     Corners of one vertex are of one fan where their faces share an edge at it.
     """
-    start = faces.ravel()
-    twin = twins(faces)
-    corner = np.flatnonzero(twin >= 0)
-    # The edge behind corner c runs back from the corner after its twin, at the same vertex.
-    ahead = twin[corner] - twin[corner] % 3 + (twin[corner] + 1) % 3
-    graph = coo_array((np.ones(len(corner), np.int8), (corner, ahead)), shape=(faces.size,) * 2)
+    start, ahead = faces.ravel(), corners_ahead(faces)
+    corner = np.flatnonzero(ahead >= 0)
+    pairs = corner, ahead[corner]
+    graph = coo_array((np.ones(len(corner), np.int8), pairs), shape=(faces.size,) * 2)
     count, label = connected_components(graph, directed=False)
     first = np.full(count, faces.size)
     np.minimum.at(first, label, np.arange(faces.size))

@@ -170,9 +170,9 @@ def gaps_on_one_side(points: FloatArray, normals: FloatArray) -> FloatArray:
 
 
 def _nearest(points: FloatArray, count: int) -> tuple[FloatArray, IntArray]:
-    """Distances (c, k) and indices (c, k) of the nearest others of points (k, 3)."""
+    """Distances (c, k) and indices (c, k) of the nearest others of distinct points (k, 3)."""
     tree = cKDTree(points, compact_nodes=False, balanced_tree=False)
-    distance, index = nearest_of(tree, np.arange(len(points)), count)
+    distance, index = tree.query(points, k=np.arange(2, min(count, len(points) - 1) + 2))
     return np.ascontiguousarray(distance.T), np.ascontiguousarray(index.T)
 
 
@@ -259,7 +259,7 @@ def delaunay_stars(
         x, y = _inverted(points, cloud.normals, limit, rows, index, allowed)
         path, taken, settled = _hull_paths(x, y)
         fromx, fromy = np.take_along_axis(x, path, 0), np.take_along_axis(y, path, 0)
-        diameter = np.hypot(np.diff(fromx, axis=0), np.diff(fromy, axis=0))
+        diameter = np.sqrt(np.diff(fromx, axis=0) ** 2 + np.diff(fromy, axis=0) ** 2)
         turn = fromx[:-1] * fromy[1:] - fromy[:-1] * fromx[1:]
         settled &= ~(taken & (turn * reach[rows] <= (1.0 + MARGIN) * diameter)).any(axis=0)
         vote(rows, index, path, taken & settled)
