@@ -28,7 +28,7 @@ def by_edge(faces: IntArray) -> tuple[IntArray, BoolArray]:
     start, end = ends.ravel(), ends[:, [1, 2, 0]].ravel()
     first, second = np.minimum(start, end), np.maximum(start, end)
     order = np.lexsort((second, first))
-    first, second = first[order], second[order]
+    first, second = first.take(order), second.take(order)
     return order, (first[1:] == first[:-1]) & (second[1:] == second[:-1])
 
 

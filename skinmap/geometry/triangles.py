@@ -31,7 +31,7 @@ class TriangleMesh:
 
 def cross_products(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """(m, 3) cross products of two edges [m2]; length is twice the area, direction the normal."""
-    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
+    a, b, c = vertices.take(faces.T, axis=0)
     return cross(b - a, c - a)
 
 
@@ -68,8 +68,10 @@ def smallest_altitudes(vertices: FloatArray, faces: IntArray) -> FloatArray:
 
 def edge_lengths(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """(m, 3) length of the edge opposite each corner [m], in any dimension."""
-    corners = vertices.T[:, faces.T]  # axes and corners apart: sums over three columns are slow
-    return np.sqrt(((corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]]) ** 2).sum(axis=0)).T
+    # Axes and corners apart: sums over three columns are slow. `take` is quicker than an index.
+    corners = vertices.T.take(faces.T, axis=1)
+    sides = corners.take([1, 2, 0], axis=1) - corners.take([2, 0, 1], axis=1)
+    return np.sqrt(np.einsum("akt,akt->kt", sides, sides)).T
 
 
 def pair_lengths(points: FloatArray, pairs: IntArray) -> FloatArray:

@@ -216,23 +216,23 @@ def is_solid(
     least_altitude: float,
 ) -> BoolArray:
     """(t,) whether triangles of longest edges (t,) are high enough and lie outside up."""
-    cross = cross_products(points, triangles).T
-    double = np.sqrt((cross**2).sum(axis=0))
-    up = normals.T[:, triangles.T]
-    mean = up.sum(axis=1)
-    facing = (cross * mean).sum(axis=0)
+    cross = np.ascontiguousarray(cross_products(points, triangles).T)
+    double = np.sqrt(np.einsum("at,at->t", cross, cross))
+    up = normals.T.take(triangles.T, axis=1)
+    mean = up[:, 0] + up[:, 1] + up[:, 2]
+    facing = np.einsum("at,at->t", cross, mean)
     solid = double > least_altitude * longest
-    solid &= facing > FACING * double * np.sqrt((mean**2).sum(axis=0))
+    solid &= facing > FACING * double * np.sqrt(np.einsum("at,at->t", mean, mean))
     # No corner may look the other way: its taxel is on the far side, or its normal turned over.
-    return np.asarray(solid & ((up * cross[:, None]).sum(axis=0) > 0).all(axis=0))
+    return np.asarray(solid & (np.einsum("akt,at->kt", up, cross) > 0).all(axis=0))
 
 
 def tally(votes: IntArray, n: int) -> tuple[IntArray, IntArray]:
     """Triangles (k, 3) that got votes (t, 3), smallest corner first, sorted; votes (k,) of each."""
     corners = np.array(votes.T, np.min_scalar_type(n), order="C")  # short numbers sort quickly
     for _ in range(2):
-        corners = np.where(corners[0] > corners.min(axis=0), corners[[1, 2, 0]], corners)
-    corners = corners[:, np.lexsort(corners[::-1])]
+        corners = np.where(corners[0] > corners.min(axis=0), corners.take([1, 2, 0], axis=0), corners)
+    corners = corners.take(np.lexsort(corners[::-1]), axis=1)
     a, b, c = corners[:, 1:] != corners[:, :-1]
     fresh = np.flatnonzero(np.append(True, a | b | c))
     return np.array(corners[:, fresh].T, np.int64, order="C"), np.diff(fresh, append=len(votes))

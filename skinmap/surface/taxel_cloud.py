@@ -196,7 +196,7 @@ def _on_its_side(
 
 def faces_away(normals: FloatArray, rows: IntArray, index: IntArray) -> BoolArray:
     """Whether neighbours of rows look the other way: on the far side, or a fold's."""
-    x, y, z = (normals[rows, axis] * normals[:, axis][index] for axis in range(3))
+    x, y, z = (along.take(rows) * along.take(index) for along in normals.T)
     return np.asarray(x + y + z < AWAY)
 
 
@@ -250,8 +250,10 @@ def delaunay_stars(
 
     def vote(rows: IntArray, index: IntArray, path: IntArray, taken: BoolArray) -> None:
         who = np.take_along_axis(index, path, 0)
-        chord = np.linalg.norm(np.diff(points[:, who], axis=1), axis=0)
-        taken = taken & (chord <= np.minimum(limit[who[:-1]], limit[who[1:]]))
+        chord = np.diff(points.take(who, axis=1), axis=1)
+        most = limit.take(who)
+        short = np.sqrt(np.einsum("akr,akr->kr", chord, chord)) <= np.minimum(most[:-1], most[1:])
+        taken = taken & short
         found.append(np.stack([rows[np.nonzero(taken)[1]], who[:-1][taken], who[1:][taken]]))
 
     for rows in np.split(np.arange(len(shaken)), range(CHUNK, len(shaken), CHUNK)):
@@ -297,9 +299,9 @@ def _inverted(
     allowed. Neighbours are laid into the tangent plane at their full length, not at that of their
     shadow: strongly bent neighbourhoods stay near-isometric.
     """
-    offset = points[:, index] - points[:, None, rows]
+    offset = points.take(index, axis=1) - points[:, None, rows]
     distance = np.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
-    near = (distance > 0) & (distance <= np.minimum(limit[rows], limit[index]))
+    near = (distance > 0) & (distance <= np.minimum(limit[rows], limit.take(index)))
     near &= ~faces_away(normals, rows, index)
     if allowed is not None:
         own = np.tile(np.arange(len(rows)), len(index))
