@@ -52,10 +52,12 @@ class Limits:
         self, cloud: Cloud, max_edge: float | None, least_altitude: float | None, largest_hole: int
     ) -> None:
         for name, value in (("max_edge", max_edge), ("least_altitude", least_altitude)):
-            if value is not None and not (np.isfinite(value) and value >= 0):
+            if value is None:
+                continue
+            if not (np.isfinite(value) and value >= 0):
                 raise InvalidArrayError(f"{name} must be a length of 0 m or more, got {value}")
             size = cloud.unit * float(np.linalg.norm(np.ptp(cloud.points, axis=0)))
-            if value is not None and value > BEYOND * size > 0.0:
+            if value > BEYOND * size > 0.0:
                 raise InvalidArrayError(
                     f"{name} of {value:g} m, on a skin of {size:.2g} m: is it in millimetres?"
                 )
@@ -203,8 +205,8 @@ def consensus(
     triangles, count = tally(votes, len(points))
     longest = edge_lengths(points, triangles).max(axis=1)
     solid = is_solid(points, normals, triangles, longest, least_altitude)
-    order = np.lexsort((longest[solid], -count[solid]))
-    triangles = triangles[solid][order]
+    order = np.lexsort((longest, -count))
+    triangles = triangles.take(order[solid[order]], axis=0)
     return without_pinches(triangles[take_in_turn(_edge_numbers(triangles))])
 
 
@@ -231,7 +233,9 @@ def tally(votes: IntArray, n: int) -> tuple[IntArray, IntArray]:
     """Triangles (k, 3) that got votes (t, 3), smallest corner first, sorted; votes (k,) of each."""
     corners = np.array(votes.T, np.min_scalar_type(n), order="C")  # short numbers sort quickly
     for _ in range(2):
-        corners = np.where(corners[0] > corners.min(axis=0), corners.take([1, 2, 0], axis=0), corners)
+        corners = np.where(
+            corners[0] > corners.min(axis=0), corners.take([1, 2, 0], axis=0), corners
+        )
     corners = corners.take(np.lexsort(corners[::-1]), axis=1)
     a, b, c = corners[:, 1:] != corners[:, :-1]
     fresh = np.flatnonzero(np.append(True, a | b | c))

@@ -97,7 +97,8 @@ def local_spacings(
         return found
     tree, count = cKDTree(points[coarse]), np.arange(1, min(COPIES, len(coarse) - 1) + 2)
     distance, index = tree.query(points[coarse], k=count[1:])
-    alike = (distance <= ABOUT * near[coarse, None]) & ~faces_away(normals, coarse[:, None], coarse[index])
+    away = faces_away(normals, coarse[:, None], coarse[index])
+    alike = (distance <= ABOUT * near[coarse, None]) & ~away
     others = np.sort(np.where(alike, near[coarse[index]], spacing), axis=1)
     own = np.maximum(np.minimum(near[coarse], others[:, -ALIKE]), spacing)
     distance, index = tree.query(points, k=count)
@@ -130,7 +131,9 @@ def _distinct(
     what is nearer than a hundredth of the distance to the eighth is merged first. Taxels that
     look the other way are on the far side of a thin part and no neighbours.
     """
-    order = np.lexsort(points.T[::-1])
+    order = np.argsort(points[:, 0])
+    if (np.diff(points[order, 0]) == 0.0).any():
+        order = np.lexsort(points.T[::-1])
     fresh = (np.diff(points[order], axis=0, prepend=np.nan) != 0).any(axis=1)
     vertices, representative = order[fresh], np.empty(len(points), np.int64)
     representative[order] = vertices[np.cumsum(fresh) - 1]
@@ -205,7 +208,7 @@ FEW = 12  # close most stars too; at borders a little less is seen
 JITTER = 1e-4  # in spacings: the least that breaks the ties of a square grid bent in space
 FIRST = 8  # nearest to begin with: they settle most stars
 FLAT = 1e-12  # of the inverted size squared: less is a rounding error
-CHUNK = 4096  # taxels at a time: the numbers of their stars stay in the processor's cache
+CHUNK = 2048  # taxels at a time: the numbers of their stars stay in the processor's cache
 MARGIN = 1e-9  # relative: for the rounding of a circle's diameter
 
 
@@ -249,7 +252,7 @@ def delaunay_stars(
     found, left = [np.zeros((3, 0), np.int64)], []
 
     def vote(rows: IntArray, index: IntArray, path: IntArray, taken: BoolArray) -> None:
-        who = np.take_along_axis(index, path, 0)
+        who = index.take(path)
         chord = np.diff(points.take(who, axis=1), axis=1)
         most = limit.take(who)
         short = np.sqrt(np.einsum("akr,akr->kr", chord, chord)) <= np.minimum(most[:-1], most[1:])
@@ -260,9 +263,9 @@ def delaunay_stars(
         index = cloud.nearest[:, rows]
         x, y = _inverted(points, cloud.normals, limit, rows, index, allowed)
         path, taken, settled = _hull_paths(x, y)
-        fromx, fromy = np.take_along_axis(x, path, 0), np.take_along_axis(y, path, 0)
+        fromx, fromy = x.take(path), y.take(path)
         diameter = np.sqrt(np.diff(fromx, axis=0) ** 2 + np.diff(fromy, axis=0) ** 2)
-        turn = fromx[:-1] * fromy[1:] - fromy[:-1] * fromx[1:]
+        turn = np.where(taken, fromx[:-1] * fromy[1:] - fromy[:-1] * fromx[1:], 1.0)
         settled &= ~(taken & (turn * reach[rows] <= (1.0 + MARGIN) * diameter)).any(axis=0)
         vote(rows, index, path, taken & settled)
         left.append(rows[~settled])
@@ -317,24 +320,25 @@ def _inverted(
 def _hull_paths(x: FloatArray, y: FloatArray) -> tuple[IntArray, BoolArray, BoolArray]:
     """Ways round the hulls of inverted neighbours x, y (k, r): counter-clockwise from the nearest.
 
-    Rows (s + 1, r) on the way; which steps (s, r) are taken; whether each hull (r,) closes.
+    Places (s + 1, r) in x and y on the way, one behind the other; which steps (s, r) are taken;
+    whether each hull (r,) closes.
     """
     column, square = np.arange(x.shape[1]), x * x + y * y
-    here = square.argmax(axis=0)
+    here = square.argmax(axis=0) * len(column) + column
     tiny = FLAT * square.max(axis=0)
     path, taken, going = [here], [], np.ones(len(column), np.bool_)
     for _ in range(len(x)):
-        fromx, fromy = x[here, column], y[here, column]
+        fromx, fromy = x.take(here), y.take(here)
         # The one that turns least from the way out of the origin through this one.
         turn = fromx * y - fromy * x
-        along = fromx * x + fromy * y - square[here, column]
+        along = fromx * x + fromy * y - square.take(here)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(turn > tiny, along / turn, -np.inf)
-        here = ratio.argmax(axis=0)
-        taken.append(going & (ratio[here, column] > -np.inf))
+        here = ratio.argmax(axis=0) * len(column) + column
+        taken.append(going & (ratio.take(here) > -np.inf))
         path.append(here)
         going = taken[-1] & (here != path[0])
         if not going.any():
             break
-    taken = np.array(taken)
-    return np.array(path), taken, (taken & (path[1:] == path[0])).any(axis=0)
+    steps, places = np.array(taken), np.array(path)
+    return places, steps, (steps & (places[1:] == places[0])).any(axis=0)
