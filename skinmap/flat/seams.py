@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.errors import InvalidMeshError
 from skinmap.flat.disc import Disc
 from skinmap.geometry.topology import (
@@ -30,7 +30,7 @@ ROOTS = 6  # of a closed surface with handles: the loops from the best of so man
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class CutMesh:
+class CutMesh(Frozen):
     """A surface with its seams opened.
 
     Attributes
@@ -46,9 +46,6 @@ class CutMesh:
     faces: IntArray
     origin: IntArray
     seam_length: float
-
-    def __post_init__(self) -> None:
-        freeze(self, faces=self.faces, origin=self.origin)
 
 
 def open_surface(

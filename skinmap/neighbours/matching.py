@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.geometry.rigid import plane_turns
 from skinmap.neighbours.offsets import Neighbourhoods, ramp
 from skinmap.numba_loops import compiled as compiled_loop
@@ -22,7 +22,7 @@ ARRAYS = ("offsets", "filled", "required")  # of prototypes
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Prototypes:
+class Prototypes(Frozen):
     """The shapes of s structures, padded to k places.
 
     Attributes
@@ -42,9 +42,6 @@ class Prototypes:
     required: BoolArray
     tolerance: float
     rotations: int
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     def __len__(self) -> int:
         return len(self.offsets)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.proximity import median_spacing
@@ -190,7 +190,7 @@ AVERAGED = 2  # times that shapes move to the mean of what resembles them
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Structures(Summary):
+class Structures(Frozen, Summary):
     """Which structure each of n taxels has, and which neighbour fills which place.
 
     Attributes
@@ -208,9 +208,6 @@ class Structures(Summary):
     labels: IntArray
     neighbours: IntArray
     rotation: IntArray
-
-    def __post_init__(self) -> None:
-        freeze(self, labels=self.labels, neighbours=self.neighbours, rotation=self.rotation)
 
     @property
     def counts(self) -> IntArray:

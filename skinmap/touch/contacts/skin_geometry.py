@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.geometry.proximity import bridged_graph, nearest, path_distances
 from skinmap.geometry.topology import edges, half_edges
@@ -38,7 +38,7 @@ DENSE = 2500  # taxels of a skin whose distances are kept as one table (25 MB)
 
 
 @dataclass(frozen=True, eq=False)
-class SkinGeometry:
+class SkinGeometry(Frozen):
     """What contacts on a skin are measured with: links, areas and distances along it.
 
     Attributes
@@ -64,9 +64,6 @@ class SkinGeometry:
     border: BoolArray
     graph: csr_array
     _table: list[NDArray[np.float32]] = field(default_factory=list, repr=False)
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     def __len__(self) -> int:
         return len(self.areas)
