@@ -15,6 +15,7 @@ from skinmap.errors import InvalidMeshError
 from skinmap.flat.disc import Disc
 from skinmap.geometry.topology import (
     boundary_loops,
+    by_edge,
     edges,
     euler_number,
     face_components,
@@ -199,20 +200,18 @@ def split_along(
     """
     from scipy.sparse.csgraph import connected_components
 
+    order, same = by_edge(faces)
     n = int(faces.max()) + 1
-    directed = half_edges(faces)
-    key = directed.min(axis=1) * n + directed.max(axis=1)
-    cut = np.isin(key, np.sort(cuts, axis=1) @ [n, 1])
-    order = np.lexsort((np.arange(len(key)), key))
+    cut = np.isin(np.sort(half_edges(faces)) @ [n, 1], np.sort(cuts, axis=1) @ [n, 1])
     first, second = order[:-1], order[1:]
-    whole = (key[first] == key[second]) & ~cut[first]
+    whole = same & ~cut[first]
     first, second = first[whole], second[whole]
     if joined is not None:
         first = np.concatenate([first, joined[:, 0]])
         second = np.concatenate([second, joined[:, 1]])
     # Half-edge 3 f + i runs from corner i to corner i + 1 of face f; its twin runs back, or along
     # where a face is turned over.
-    start = np.arange(len(directed))
+    start = np.arange(faces.size)
     end = start - start % 3 + (start + 1) % 3
     pairs = np.concatenate(
         [

@@ -13,6 +13,7 @@ from skinmap.errors import InvalidMeshError
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.topology import (
     boundary_loops,
+    by_edge,
     check_surface,
     edges,
     face_components,
@@ -313,9 +314,6 @@ def _quads(faces: IntArray) -> tuple[IntArray, IntArray, IntArray, IntArray]:
     """Ends a, b of each inner edge with the corners c, d opposite to it."""
     start, end = half_edges(faces).T
     opposite = faces[:, [2, 0, 1]].ravel()
-    n = int(faces.max()) + 1
-    key = np.minimum(start, end) * n + np.maximum(start, end)
-    order = np.argsort(key, kind="stable")
-    twin = key[order[1:]] == key[order[:-1]]
-    first, second = order[:-1][twin], order[1:][twin]
+    order, same = by_edge(faces)
+    first, second = order[:-1][same], order[1:][same]
     return start[first], end[first], opposite[first], opposite[second]
