@@ -29,7 +29,7 @@ from skinmap.flat.methods import (
 )
 from skinmap.flat.periodic import periodic_map, tube_rims
 from skinmap.flat.seam_choice import Divided, add_seams, seam_of_touches
-from skinmap.flat.seams import CutMesh, open_surface, price_of, rims_and_holes, touch_counts
+from skinmap.flat.seams import CutMesh, SeamPrice, open_surface, rims_and_holes, touch_counts
 from skinmap.geometry.raster import enclosing_triangles
 from skinmap.geometry.topology import check_surface, edges, loops_by_length
 from skinmap.geometry.triangles import signed_areas
@@ -496,7 +496,7 @@ def _opened(
         cut = open_surface(vertices, faces, touched=often, along=along, **opening)
     if cutting.max_distortion is None:
         return _Opened(cut, lay_flat(vertices[cut.origin], cut.faces), divided)
-    price = price_of(vertices, away, often)
+    price = SeamPrice(vertices, away, often).of
     cut = add_seams(vertices, cut, tried, cutting.max_distortion, price)
     flat = lay_flat(vertices[cut.origin], cut.faces)
     found = measure_distortion(vertices[cut.origin], cut.faces, flat.uv)

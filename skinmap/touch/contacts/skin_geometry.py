@@ -16,7 +16,7 @@ from scipy.spatial import cKDTree
 from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.geometry.proximity import bridged_graph, nearest, path_distances
-from skinmap.geometry.topology import edges, half_edges
+from skinmap.geometry.topology import border_edges, edges
 from skinmap.geometry.triangles import unit
 from skinmap.skin.normals import along_line
 from skinmap.summary import Drawable, Summary, listed
@@ -143,9 +143,8 @@ def _both_ways(pairs: IntArray) -> IntArray:
 
 def border_taxels(mesh: SurfaceMesh) -> BoolArray:
     """(n,) whether each taxel lies on the edge of its patch (or in no triangle)."""
-    pairs, count = np.unique(np.sort(half_edges(mesh.faces), axis=1), axis=0, return_counts=True)
     taxels = np.arange(len(mesh.skin))
-    border = np.isin(taxels, pairs[count == 1]) | ~np.isin(taxels, mesh.faces)
+    border = np.isin(taxels, border_edges(mesh.faces)) | ~np.isin(taxels, mesh.faces)
     return np.asarray(border[mesh.representative])
 
 
