@@ -139,6 +139,15 @@ def freeze(obj: object, **arrays: NDArray[Any]) -> None:
         object.__setattr__(obj, name, own)
 
 
+class Frozen:
+    """A frozen dataclass none of whose arrays may be written to: they are copies."""
+
+    __slots__ = ()
+
+    def __post_init__(self) -> None:
+        freeze(self)
+
+
 def _words(shape: tuple[int | None, ...]) -> str:
     letters = iter("nmk")
     inner = ", ".join(str(size) if size is not None else next(letters) for size in shape)

@@ -22,7 +22,7 @@ from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 from scipy.special import chdtri, fdtri
 
-from skinmap.arrays import BoolArray, FloatArray, check_finite, check_points, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, check_finite, check_points
 from skinmap.errors import InvalidArrayError, UnknownNameError
 from skinmap.geometry.rigid import motion_slopes, rigid_fit, rigid_transform, transform_points
 from skinmap.summary import Summary, first_few, millimetres
@@ -37,7 +37,7 @@ FLOOR = 1e-12  # of the points' size: residuals below are rounding
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class MountFit(Summary):
+class MountFit(Frozen, Summary):
     """The pose of a patch on its link, and how well it explains the pairs.
 
     Attributes
@@ -56,9 +56,6 @@ class MountFit(Summary):
     rms: float
     covariance: FloatArray
     residuals: FloatArray
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""

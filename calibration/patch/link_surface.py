@@ -17,7 +17,7 @@ from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components, minimum_spanning_tree
 from scipy.spatial import Delaunay
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.disk_cache import Arrays, cached
 from skinmap.geometry.proximity import closest_on_mesh, edge_graph, median_spacing
 from skinmap.geometry.topology import edges
@@ -274,7 +274,7 @@ LARGEST_PLATE = 35e-3
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Board:
+class Board(Frozen):
     """A layout with the pairs whose lengths hold, and how heights go together.
 
     Attributes
@@ -324,9 +324,6 @@ class Board:
     lifted: FloatArray
     slots: IntArray
     mirrored: IntArray
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
 
 def make_board(layout: FloatArray, modules: IntArray | None = None) -> Board:

@@ -16,14 +16,14 @@ from enum import StrEnum
 import numpy as np
 
 from calibration.patch.sheet_model import Evidence
-from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
+from skinmap.arrays import FloatArray, Frozen, IntArray, check_finite, freeze
 from skinmap.summary import Summary, listed, millimetres
 
 LARGEST_SHARE = 0.999  # of an observation that nothing else controls: its error is unknown
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class LeftOut:
+class LeftOut(Frozen):
     """What each anchor or touch misses by where all but it are used.
 
     Attributes
@@ -44,9 +44,6 @@ class LeftOut:
     expected: FloatArray
     misfit: FloatArray
     missed: FloatArray
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     @classmethod
     def nothing(cls) -> LeftOut:

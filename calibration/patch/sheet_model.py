@@ -23,7 +23,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from calibration.patch.link_surface import Board, Target, chords, facing
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.geometry.triangles import unit
 
 HEIGHT = 3e-3  # of the common height before anything is known [m]
@@ -38,7 +38,7 @@ DAMPING = 1e-4  # of the diagonal (Levenberg and Marquardt)
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Evidence:
+class Evidence(Frozen):
     """Places that the sheet should pass through.
 
     Attributes
@@ -58,9 +58,6 @@ class Evidence:
     points: FloatArray
     sigma: FloatArray
     doubted: BoolArray
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     def __len__(self) -> int:
         return len(self.points)

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 from calibration.patch.link_surface import OFFSET, Target, make_target
 from calibration.patch.patch_calibration import Status
 from calibration.patch.patch_evidence import IN_A_ROW, check_link, in_a_row, mixed_units
-from skinmap.arrays import FloatArray, check_points, freeze
+from skinmap.arrays import FloatArray, Frozen, check_points
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.rigid import (
     motion_slopes,
@@ -197,7 +197,7 @@ SIZED, SURE = 0.025, 5.0  # share by which a scan is too large, and in standard 
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class ScanRegistration(Summary):
+class ScanRegistration(Frozen, Summary):
     """Pose of a scan on a mesh.
 
     Attributes
@@ -237,9 +237,6 @@ class ScanRegistration(Summary):
     covariance: FloatArray
     runner_up: FloatArray | None
     runner_up_cost: float
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""

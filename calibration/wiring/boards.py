@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 from scipy.spatial import cKDTree
 
-from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.arrays import FloatArray, Frozen, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import plane_turns, transform_points
@@ -46,7 +46,7 @@ def conjugate(element: int, now: int) -> int:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Boards:
+class Boards(Frozen):
     """m modules of at most k slots, each on a site of the body.
 
     Attributes
@@ -83,9 +83,6 @@ class Boards:
     outward: FloatArray
     turns: IntArray | None
     pitch: float
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     def __len__(self) -> int:
         return len(self.numbers)
@@ -205,7 +202,7 @@ def _turn(places: FloatArray, table: TaxelTable, layout: ModuleLayout) -> None:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Wiring:
+class Wiring(Frozen):
     """Which site each module's channels read, and how the board on each site is laid.
 
     Attributes
@@ -224,9 +221,6 @@ class Wiring:
     element: IntArray
     order: IntArray
     mute: np.ndarray
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     @classmethod
     def as_mapped(cls, boards: Boards) -> Wiring:

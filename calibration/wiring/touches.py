@@ -23,7 +23,7 @@ from scipy.special import ndtr
 
 from calibration.response.response import FREE
 from calibration.wiring.boards import Boards
-from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError, check_known
 from skinmap.geometry.log_maps import log_map
 from skinmap.geometry.proximity import bridged_graph
@@ -309,7 +309,7 @@ def untouched(count: int, touches: IntArray) -> np.ndarray:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class RestFindings:
+class RestFindings(Frozen):
     """What a rest showed.
 
     Attributes
@@ -334,9 +334,6 @@ class RestFindings:
     tells: bool
     level: FloatArray
     noise: FloatArray
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     def rows(self, kind: str) -> list[list[int]]:
         """Rows of the table of each finding of a kind."""

@@ -14,7 +14,7 @@ from scipy.spatial import ConvexHull, cKDTree
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.geometry.rigid import plane_turns
 from skinmap.geometry.topology import edges, loops_by_length
-from skinmap.geometry.triangles import cross_2d, cross_products
+from skinmap.geometry.triangles import cross_2d, cross_products, pair_lengths
 
 MAX_ARRANGED = 48  # charts: more are no skin of one limb, they go in shelves
 SAMPLES = 24  # vertices a chart that neighbours are laid out by
@@ -190,9 +190,7 @@ def _gaps(charts: Sequence[Laid]) -> FloatArray:
 
 
 def _edge(chart: Laid) -> float:
-    pairs = edges(chart.faces)
-    ends = chart.uv[pairs]
-    return float(np.median(np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1)))
+    return float(np.median(pair_lengths(chart.uv, edges(chart.faces))))
 
 
 def _middle(charts: Sequence[Laid]) -> int:

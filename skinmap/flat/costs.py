@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from scipy.special import stdtrit
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.errors import check_known
 from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.flat_map import Chart, FlatMap
@@ -124,7 +124,7 @@ def seam_edges(chart: Chart) -> IntArray:
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class DrawnChart:
+class DrawnChart(Frozen):
     """The hand-drawn part of a patch, laid over the computed chart.
 
     Attributes
@@ -155,9 +155,6 @@ class DrawnChart:
     scale: float
     distance: float
     missing: int
-
-    def __post_init__(self) -> None:
-        freeze(self, vertices=self.vertices, faces=self.faces, uv=self.uv)
 
 
 def compare_drawing(

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skinmap.arrays import FloatArray, IntArray, check_faces, check_finite, check_points, freeze
+from skinmap.arrays import FloatArray, Frozen, IntArray, check_faces, check_finite, check_points
 from skinmap.flat.flat_rows import Distorted, Spread
 from skinmap.geometry.topology import edges
 from skinmap.geometry.triangles import (
@@ -25,7 +25,7 @@ from skinmap.summary import Summary
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Distortion(Summary):
+class Distortion(Frozen, Summary):
     """Distortion per triangle (m,) and per edge (e,).
 
     Attributes
@@ -66,9 +66,6 @@ class Distortion(Summary):
     edges: IntArray
     face_areas: FloatArray
     flips: int
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     @property
     def edge_rms(self) -> float:

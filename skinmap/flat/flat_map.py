@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
+from skinmap.arrays import FloatArray, Frozen, IntArray, check_finite
 from skinmap.errors import FlatteningError, InvalidArrayError, SkinWarning
 from skinmap.flat.atlas import Laid, arrange, limb_frame, turn_upright
 from skinmap.flat.dirichlet import at_best_size, symmetric_dirichlet_descent
@@ -29,7 +29,7 @@ from skinmap.flat.methods import (
 )
 from skinmap.flat.periodic import periodic_map, tube_rims
 from skinmap.flat.seam_choice import Divided, add_seams, seam_of_touches
-from skinmap.flat.seams import CutMesh, open_surface, price_of, rims_and_holes, touch_counts
+from skinmap.flat.seams import CutMesh, SeamPrice, open_surface, rims_and_holes, touch_counts
 from skinmap.geometry.raster import enclosing_triangles
 from skinmap.geometry.topology import check_surface, edges, loops_by_length
 from skinmap.geometry.triangles import signed_areas
@@ -48,7 +48,7 @@ __all__ = ["DEFAULT", "HOLE_SHARE", "Chart", "FlatMap", "flatten", "flatten_disc
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Chart(Summary):
+class Chart(Frozen, Summary):
     """The flat map of one patch.
 
     Attributes
@@ -95,9 +95,6 @@ class Chart(Summary):
     periodic: bool = False
     divided: Divided | None = None
 
-    def __post_init__(self) -> None:
-        freeze(self, taxels=self.taxels, faces=self.faces, uv=self.uv)
-
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""
         return {
@@ -120,7 +117,7 @@ class Chart(Summary):
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class FlatMap(Drawable):
+class FlatMap(Frozen, Drawable):
     """Charts of all patches of one part, packed at one scale.
 
     Attributes
@@ -144,9 +141,6 @@ class FlatMap(Drawable):
     mesh: SurfaceMesh
     charts: tuple[Chart, ...]
     uv: FloatArray
-
-    def __post_init__(self) -> None:
-        freeze(self, uv=self.uv)
 
     @property
     def flips(self) -> int:
@@ -502,7 +496,7 @@ def _opened(
         cut = open_surface(vertices, faces, touched=often, along=along, **opening)
     if cutting.max_distortion is None:
         return _Opened(cut, lay_flat(vertices[cut.origin], cut.faces), divided)
-    price = price_of(vertices, away, often)
+    price = SeamPrice(vertices, away, often).of
     cut = add_seams(vertices, cut, tried, cutting.max_distortion, price)
     flat = lay_flat(vertices[cut.origin], cut.faces)
     found = measure_distortion(vertices[cut.origin], cut.faces, flat.uv)

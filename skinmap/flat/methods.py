@@ -43,10 +43,6 @@ from skinmap.surface.consensus_meshing import close_loop, used_chords
 COSTS = {"fast": (0.83, 1.17), "balanced": (0.87, 1.18), "dirichlet": (1.41, 1.13)}
 SMALLEST = 1e-3  # seconds: no disc takes less
 CHEAP = 0.1  # seconds: without a budget, the most that `dirichlet` may take beside `fast`
-_REFINEMENTS: dict[str, Callable[[Disc], FloatArray]] = {
-    "balanced": rigid_map,
-    "dirichlet": locally_injective_map,
-}
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -132,7 +128,7 @@ def within_budget(
             break
         spent = time.process_time() - started
         if spent + pace * predicted_seconds(method, len(disc.vertices)) <= limit:
-            maps[method] = _REFINEMENTS[method](disc)
+            maps[method] = OWN[method](disc)
             if max_edge_rms is None and disc.is_injective(maps[method]):
                 return _explain(disc, maps, method, started, max_seconds, max_edge_rms)
     return _explain(disc, maps, _best(disc, maps)[0], started, max_seconds, max_edge_rms)
@@ -180,20 +176,6 @@ FROM_AFAR = 1000  # steps from a convex map: a strip of 2.5 turns needs 356
 CLEAR = 0.3  # of the median border edge: within it the border pushes itself away
 
 
-def on_disc(method: Callable[[Disc], FloatArray]) -> Flattener:
-    """A method of a `Disc` as one of vertices, faces and loop."""
-
-    @wraps(method)
-    def flattener(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
-        return method(Disc(vertices, faces, loop))
-
-    _methods_of_discs[flattener] = method
-    return flattener
-
-
-_methods_of_discs: dict[Flattener, Callable[[Disc], FloatArray]] = {}
-
-
 def check_effort(method: str, iterations: int | None) -> None:
     """Refuse iterations that a method cannot have.
 
@@ -214,18 +196,17 @@ def check_effort(method: str, iterations: int | None) -> None:
 
 def apply_flattener(name: str, disc: Disc, *, iterations: int | None = None) -> FloatArray:
     """Flat coordinates by the method of a name; ours share what the disc has computed before."""
-    if iterations is not None:
-        return ITERATED[name](disc, iterations)
     flattener = flatteners.get(name)
-    if flattener in _methods_of_discs:
-        return _methods_of_discs[flattener](disc)
+    if getattr(flattener, "__wrapped__", flattener) is OWN.get(name):
+        return OWN[name](disc) if iterations is None else OWN[name](disc, iterations=iterations)
     return np.asarray(flattener(disc.vertices, disc.faces, disc.loop), np.float64)
 
 
-def lscm(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
+def lscm(disc: Disc) -> FloatArray:
     """Least-squares conformal map, two border vertices far apart pinned, through libigl."""
     import igl
 
+    vertices, faces, loop = disc.vertices, disc.faces, disc.loop
     far = loop[np.argmax(np.linalg.norm(vertices[loop] - vertices[loop[0]], axis=1))]
     other = loop[np.argmax(np.linalg.norm(vertices[loop] - vertices[far], axis=1))]
     span = float(np.linalg.norm(vertices[far] - vertices[other]))
@@ -235,28 +216,23 @@ def lscm(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
     return uv * np.sqrt(size)
 
 
-def accurate(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
+def accurate(disc: Disc) -> FloatArray:
     """SLIM on small discs, our own descent on the same energy on large ones."""
-    if len(vertices) <= MAX_SLIM:
-        return slim(vertices, faces, loop)
-    return locally_injective_map(Disc(vertices, faces, loop))
+    return slim(disc) if len(disc.vertices) <= MAX_SLIM else locally_injective_map(disc)
 
 
-def slim(
-    vertices: FloatArray, faces: IntArray, loop: IntArray, *, iterations: int = SLIM_ITERATIONS
-) -> FloatArray:
+def slim(disc: Disc, *, iterations: int = SLIM_ITERATIONS) -> FloatArray:
     """Scalable locally injective mapping (symmetric Dirichlet) from a BFF start, by libigl.
 
     Rabinovich et al., ACM Transactions on Graphics 36(2), 2017.
     """
     import igl
 
-    start = Disc(vertices, faces, loop).conformal
     column = np.asfortranarray
     data = igl.slim_precompute(
-        column(vertices),
-        column(faces.astype(np.int32)),
-        column(start),
+        column(disc.vertices),
+        column(disc.faces.astype(np.int32)),
+        column(disc.conformal),
         igl.MappingEnergyType.SYMMETRIC_DIRICHLET,
         np.zeros(0, np.int32),
         np.zeros((0, 2), order="F"),
@@ -330,30 +306,35 @@ class Barrier:
         return point[apart], edge[apart]
 
 
-OWN: dict[str, Flattener] = {
-    "tutte": on_disc(uniform_on_circle),
-    "harmonic": on_disc(harmonic_on_circle),
+OWN: dict[str, Callable[..., FloatArray]] = {  # of a disc
+    "tutte": uniform_on_circle,
+    "harmonic": harmonic_on_circle,
     "lscm": lscm,
-    "bff": on_disc(bff),
-    "arap": on_disc(rigid_map),
+    "bff": bff,
+    "arap": rigid_map,
     "slim": slim,
-    "dirichlet": on_disc(locally_injective_map),
-    "bijective": on_disc(bijective_map),
-    "fast": on_disc(bff),
-    "balanced": on_disc(rigid_map),
+    "dirichlet": locally_injective_map,
+    "bijective": bijective_map,
+    "fast": bff,
+    "balanced": rigid_map,
     "accurate": accurate,
-    "auto": on_disc(lambda disc: within_budget(disc).uv),
+    "auto": lambda disc: within_budget(disc).uv,
 }
-# Methods that go on as long as they are told to.
-ITERATED: dict[str, Callable[[Disc, int], FloatArray]] = {
-    "arap": lambda disc, n: rigid_map(disc, iterations=n),
-    "balanced": lambda disc, n: rigid_map(disc, iterations=n),
-    "slim": lambda disc, n: slim(disc.vertices, disc.faces, disc.loop, iterations=n),
-    "dirichlet": lambda disc, n: locally_injective_map(disc, iterations=n),
-    "bijective": lambda disc, n: bijective_map(disc, iterations=n),
-}
+ITERATED = ("arap", "balanced", "slim", "dirichlet", "bijective")  # on and on, as they are told to
+
+
+def on_disc(method: Callable[[Disc], FloatArray]) -> Flattener:
+    """A method of a `Disc` as one of vertices, faces and loop."""
+
+    @wraps(method)
+    def flattener(vertices: FloatArray, faces: IntArray, loop: IntArray) -> FloatArray:
+        return method(Disc(vertices, faces, loop))
+
+    return flattener
+
+
 for _name, _method in OWN.items():
-    flatteners.register(_name)(_method)
+    flatteners.register(_name)(on_disc(_method))
 
 
 logger = logging.getLogger(__name__)

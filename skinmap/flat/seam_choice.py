@@ -31,7 +31,7 @@ from scipy.sparse import coo_array, diags_array
 
 from skinmap.arrays import FloatArray, IntArray
 from skinmap.flat.disc import Disc
-from skinmap.flat.distortion import measure_distortion
+from skinmap.flat.distortion import Distortion, measure_distortion
 from skinmap.flat.methods import DiscMap
 from skinmap.flat.seams import (
     UNTOUCHED,
@@ -182,15 +182,6 @@ class _Surface:
         return np.asarray((beside @ counts) / (beside @ np.ones(n)))
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class _Laid:
-    """A chart and its map, which may lie over itself: trials are not mended."""
-
-    cut: CutMesh
-    flat: DiscMap
-    energy: float
-
-
 def add_seams(
     vertices: FloatArray,
     cut: CutMesh,
@@ -213,45 +204,36 @@ def add_seams(
     price : callable
         From edges (e, 2) of the uncut surface to what cutting them costs.
     """
-    now = _laid(vertices, cut, lay_flat)
-    stalled = 0
+
+    def laid(cut: CutMesh) -> tuple[CutMesh, Distortion]:
+        """A chart and what its map distorts, which may lie over itself: trials are not mended."""
+        own = vertices[cut.origin]
+        return cut, measure_distortion(own, cut.faces, lay_flat(own, cut.faces).uv)
+
+    (cut, found), stalled = laid(cut), 0
     for _ in range(MAX_ROUNDS):
-        if now.energy <= bound or stalled == STALLED:
+        energy = found.mean_energy
+        if energy <= bound or stalled == STALLED:
             break
-        count = int(np.clip((now.energy - 4.0) / (bound - 4.0) / 4.0, 1, MAX_AT_ONCE))
-        tips = _tips(vertices, now, count)
-        tried = [
-            _laid(vertices, slit, lay_flat)
-            for slit in (_slit(vertices, now.cut, ends, price) for ends in tips)
-            if slit is not None
-        ]
+        count = int(np.clip((energy - 4.0) / (bound - 4.0) / 4.0, 1, MAX_AT_ONCE))
+        slits = [_slit(vertices, cut, ends, price) for ends in _tips(vertices, cut, found, count)]
+        tried = [laid(slit) for slit in slits if slit is not None]
         if not tried:
             break
-        best = min(tried, key=lambda one: one.energy)
-        gained = now.energy - best.energy > PROGRESS * (now.energy - 4.0)
+        cut, found = min(tried, key=lambda one: one[1].mean_energy)
+        gained = energy - found.mean_energy > PROGRESS * (energy - 4.0)
         stalled = 0 if gained else stalled + 1
-        now = best
-    return now.cut
+    return cut
 
 
-def _laid(
-    vertices: FloatArray, cut: CutMesh, lay_flat: Callable[[FloatArray, IntArray], DiscMap]
-) -> _Laid:
-    own = vertices[cut.origin]
-    flat = lay_flat(own, cut.faces)
-    found = measure_distortion(own, cut.faces, flat.uv)
-    return _Laid(cut, flat, found.mean_energy)
-
-
-def _tips(vertices: FloatArray, now: _Laid, count: int) -> list[list[int]]:
+def _tips(vertices: FloatArray, cut: CutMesh, found: Distortion, count: int) -> list[list[int]]:
     """Chart vertices that slits may lead to: tips of curvature, and the worst place of the map."""
-    own, faces = vertices[now.cut.origin], now.cut.faces
+    own, faces = vertices[cut.origin], cut.faces
     size = float(np.ptp(own, axis=0).max())
     loops = loops_by_length(own, faces)
     inside = ~np.isin(np.arange(len(own)), np.concatenate(loops))
     if not inside.any():
         return []
-    found = measure_distortion(own, faces, now.flat.uv)
     energy = _spread(faces, np.minimum(found.symmetric_dirichlet, 1e6) - 4.0, found.face_areas)
     scale = np.zeros(len(own))
     if len(loops) == 1:

@@ -10,11 +10,12 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import dijkstra
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.errors import InvalidMeshError
 from skinmap.flat.disc import Disc
 from skinmap.geometry.topology import (
     boundary_loops,
+    by_edge,
     edges,
     euler_number,
     face_components,
@@ -30,7 +31,7 @@ ROOTS = 6  # of a closed surface with handles: the loops from the best of so man
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class CutMesh:
+class CutMesh(Frozen):
     """A surface with its seams opened.
 
     Attributes
@@ -46,9 +47,6 @@ class CutMesh:
     faces: IntArray
     origin: IntArray
     seam_length: float
-
-    def __post_init__(self) -> None:
-        freeze(self, faces=self.faces, origin=self.origin)
 
 
 def open_surface(
@@ -97,7 +95,7 @@ def open_surface(
     if along is not None and len(along):
         again = {"avoid": avoid, "touched": touched, "untouched": untouched, "bulge": bulge}
         return _open_further(vertices, faces, along, hole_share, again)
-    price = _Price(vertices, avoid, touched, untouched)
+    price = SeamPrice(vertices, avoid, touched, untouched)
     rims, holes = rims_and_holes(vertices, faces, hole_share, bulge)
     if rims:
         cuts = _opening(price, faces, rims, holes)
@@ -164,7 +162,7 @@ def far_ends(vertices: FloatArray, faces: IntArray, *which: int) -> tuple[int, .
 
     The first is the furthest from vertex 0; `which` of them are given.
     """
-    plain = _Price(vertices).graph(faces)
+    plain = SeamPrice(vertices).graph(faces)
     found = [int(np.argmax(dijkstra(plain, directed=False, indices=0)))]
     near = dijkstra(plain, directed=False, indices=found[0])
     while len(found) <= max(which):
@@ -181,7 +179,7 @@ def path_along(vertices: FloatArray, faces: IntArray, stops: IntArray) -> IntArr
     InvalidMeshError
         No way leads there.
     """
-    plain = _Price(vertices).graph(faces)
+    plain = SeamPrice(vertices).graph(faces)
     found = [np.zeros((0, 2), np.int64)]
     for start, end in zip(stops[:-1].tolist(), stops[1:].tolist(), strict=True):
         _, before = dijkstra(plain, directed=False, indices=start, return_predecessors=True)
@@ -202,20 +200,18 @@ def split_along(
     """
     from scipy.sparse.csgraph import connected_components
 
+    order, same = by_edge(faces)
     n = int(faces.max()) + 1
-    directed = half_edges(faces)
-    key = directed.min(axis=1) * n + directed.max(axis=1)
-    cut = np.isin(key, np.sort(cuts, axis=1) @ [n, 1])
-    order = np.lexsort((np.arange(len(key)), key))
+    cut = np.isin(np.sort(half_edges(faces)) @ [n, 1], np.sort(cuts, axis=1) @ [n, 1])
     first, second = order[:-1], order[1:]
-    whole = (key[first] == key[second]) & ~cut[first]
+    whole = same & ~cut[first]
     first, second = first[whole], second[whole]
     if joined is not None:
         first = np.concatenate([first, joined[:, 0]])
         second = np.concatenate([second, joined[:, 1]])
     # Half-edge 3 f + i runs from corner i to corner i + 1 of face f; its twin runs back, or along
     # where a face is turned over.
-    start = np.arange(len(directed))
+    start = np.arange(faces.size)
     end = start - start % 3 + (start + 1) % 3
     pairs = np.concatenate(
         [
@@ -241,11 +237,9 @@ def path_from_border(
     """
     pairs, n = edges(faces), int(faces.max()) + 1
     border, *holes = sorted(boundary_loops(faces), key=len, reverse=True)
-    cost, on_border, on_hole = price(pairs), np.zeros(n, bool), np.zeros(n, bool)
-    on_border[border] = True
+    away, cost = np.isin(pairs, border).all(axis=1), price(pairs)
     for hole in holes:  # a way from a hole would widen it
-        on_hole[hole] = True
-    away = on_border[pairs].all(axis=1) | on_hole[pairs].any(axis=1)
+        away |= np.isin(pairs, hole).any(axis=1)
     cost = np.where(away, cost.sum(), cost)
     graph = _graph(n, pairs, cost)
     _, before = _ways_from(graph, border)
@@ -253,15 +247,8 @@ def path_from_border(
     return _once(ways)
 
 
-def price_of(
-    vertices: FloatArray, avoid: IntArray | None, touched: FloatArray | None
-) -> Callable[[IntArray], FloatArray]:
-    """What cutting edges (e, 2) of a surface costs: their length, more where it is touched."""
-    return _Price(vertices, avoid, touched).of
-
-
 @dataclass(frozen=True, eq=False, slots=True)
-class _Price:
+class SeamPrice:
     """What seams cost: their length, times twenty near some vertices, or times the touches there.
 
     The number of touches that a seam divides is the integral of their density along it.
@@ -296,7 +283,7 @@ class _Price:
 
 
 def _opening(
-    price: _Price, faces: IntArray, wide: Sequence[IntArray], small: list[IntArray]
+    price: SeamPrice, faces: IntArray, wide: Sequence[IntArray], small: list[IntArray]
 ) -> IntArray:
     """Edges (c, 2) of seams that join wide loops and open handles; small loops stay holes."""
     cuts = _seams(price, faces, wide)
@@ -306,7 +293,7 @@ def _opening(
     return np.concatenate([cuts, _handle_cuts(price, faces, border, small, cuts)])
 
 
-def _seams(price: _Price, faces: IntArray, loops: Sequence[IntArray]) -> IntArray:
+def _seams(price: SeamPrice, faces: IntArray, loops: Sequence[IntArray]) -> IntArray:
     """Edges (c, 2) of the cheapest paths that join all loops.
 
     The nearest loop comes next: no way to it touches another one, which would cut out a piece.
@@ -322,7 +309,7 @@ def _seams(price: _Price, faces: IntArray, loops: Sequence[IntArray]) -> IntArra
     return np.concatenate(cuts)
 
 
-def _slit(price: _Price, faces: IntArray, ends: tuple[int, ...]) -> IntArray:
+def _slit(price: SeamPrice, faces: IntArray, ends: tuple[int, ...]) -> IntArray:
     """Edges of a slit half round a closed surface, where it crosses fewest vertices."""
     pairs, n = edges(faces), len(price.vertices)
     length = price.lengths(pairs)
@@ -333,7 +320,7 @@ def _slit(price: _Price, faces: IntArray, ends: tuple[int, ...]) -> IntArray:
 
 
 def _handle_cuts(
-    price: _Price,
+    price: SeamPrice,
     faces: IntArray,
     border: IntArray | None,
     holes: list[IntArray],

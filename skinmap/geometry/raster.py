@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from skinmap.arrays import FloatArray, IntArray
+from skinmap.geometry.topology import border_edges
+from skinmap.geometry.triangles import cross_2d
 
 CHUNK = 2**21  # candidates (triangle, pixel) looked at together
 ON_EDGE = -1e-9  # barycentric: a centre on an edge belongs to the triangle despite rounding
@@ -69,24 +71,28 @@ def enclosing_triangles(
     (p, 3) array of float
         Barycentric, not negative, summing to 1; NaN without a triangle.
     """
-    a, b, c = points[faces].swapaxes(0, 1)
-    side, other = b - a, c - a
-    area = side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]
+    corners = points[faces].swapaxes(0, 1)
     face, weights = np.full(len(wanted), -1), np.full((len(wanted), 3), np.nan)
     step = max(1, CHUNK // max(len(faces), 1))
     for start in range(0, len(wanted) if len(faces) else 0, step):
-        to = wanted[start : start + step, None] - a
-        with np.errstate(divide="ignore", invalid="ignore"):
-            beta = (to[..., 0] * other[:, 1] - to[..., 1] * other[:, 0]) / area
-            gamma = (side[:, 0] * to[..., 1] - side[:, 1] * to[..., 0]) / area
-        every = np.stack([1.0 - beta - gamma, beta, gamma], axis=2)
-        depth = np.where(np.isfinite(beta + gamma), every.min(axis=2), -np.inf)
+        every = _barycentric(corners, wanted[start : start + step, None])
+        depth = np.where(np.isfinite(every).all(axis=2), every.min(axis=2), -np.inf)
         best = depth.argmax(axis=1)
         rows = np.flatnonzero(depth[np.arange(len(best)), best] >= ON_EDGE)
         inside = np.maximum(every[rows, best[rows]], 0.0)
         face[start + rows] = best[rows]
         weights[start + rows] = inside / inside.sum(axis=1, keepdims=True)
     return face, weights
+
+
+def _barycentric(corners: FloatArray, at: FloatArray) -> FloatArray:
+    """(..., 3) weights of places (..., 2) in triangles (3, ..., 2); not finite without an area."""
+    a, b, c = corners
+    side, other, to = b - a, c - a, at - a
+    area = cross_2d(side, other)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        beta, gamma = cross_2d(to, other) / area, cross_2d(side, to) / area
+        return np.stack([1.0 - beta - gamma, beta, gamma], axis=-1)
 
 
 def _blocks(count: IntArray, limit: int) -> list[IntArray]:
@@ -109,14 +115,8 @@ def _candidates(
     within = np.arange(len(face)) - np.repeat(start, count[block])
     row, column = np.divmod(within, np.maximum(size[face, 0], 1))
     cell = low[face] + np.column_stack([column, row])
-    a, b, c = corners[face].swapaxes(0, 1)
-    side, other, to = b - a, c - a, cell + 0.5 - a
-    area = side[:, 0] * other[:, 1] - side[:, 1] * other[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):  # a triangle without area holds no centre
-        beta = (to[:, 0] * other[:, 1] - to[:, 1] * other[:, 0]) / area
-        gamma = (side[:, 0] * to[:, 1] - side[:, 1] * to[:, 0]) / area
-        weights = np.column_stack([1.0 - beta - gamma, beta, gamma])
-        inside = weights.min(axis=1) >= ON_EDGE
+    weights = _barycentric(corners[face].swapaxes(0, 1), cell + 0.5)
+    inside = weights.min(axis=1) >= ON_EDGE  # a triangle without area holds no centre
     return (cell[:, 1] * columns + cell[:, 0])[inside], face[inside], weights[inside]
 
 
@@ -134,7 +134,7 @@ def pixel_coverage(points: FloatArray, faces: IntArray, shape: tuple[int, int]) 
         Counter-clockwise where y grows upwards, not overlapping.
     shape : (rows, columns)
     """
-    start, end = _pieces(points[_border(faces, len(points))])
+    start, end = _pieces(points[border_edges(faces)])
     middle = 0.5 * (start + end)
     column, row = np.clip(np.floor(middle).astype(np.int64), 0, np.array(shape[::-1]) - 1).T
     rise = end[:, 1] - start[:, 1]
@@ -144,14 +144,6 @@ def pixel_coverage(points: FloatArray, faces: IntArray, shape: tuple[int, int]) 
     np.add.at(onward, (row, column + 1), rise)
     covered = area + np.cumsum(onward, axis=1)
     return np.asarray(np.clip(covered[:, :-1], 0.0, 1.0))
-
-
-def _border(faces: IntArray, n: int) -> IntArray:
-    """(k, 2) directed edges that only one triangle has."""
-    directed = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    there = directed[:, 0] * n + directed[:, 1]
-    back = directed[:, 1] * n + directed[:, 0]
-    return np.asarray(directed[~np.isin(there, back)])
 
 
 def _pieces(edges: FloatArray) -> tuple[FloatArray, FloatArray]:

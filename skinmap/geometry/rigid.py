@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 
 from skinmap.arrays import FloatArray, check_finite
 from skinmap.errors import InvalidArrayError
-from skinmap.geometry.triangles import unit
+from skinmap.geometry.triangles import cross, unit
 
 DIGITS = 6  # that a component of a normal is compared to: rounding errors lie ten digits below
 
@@ -39,8 +39,8 @@ def tangent_frames(normals: FloatArray) -> FloatArray:
            [-1.,  0.,  0.]])
     """
     helper = np.eye(3)[np.argmin(np.abs(normals).round(DIGITS), axis=-1)]
-    first = unit(np.cross(normals, helper))
-    return np.stack([first, np.cross(normals, first)], axis=-2)
+    first = unit(cross(normals, helper))
+    return np.stack([first, cross(normals, first)], axis=-2)
 
 
 def plane_turns(angles: FloatArray | float) -> FloatArray:

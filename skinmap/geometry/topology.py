@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from skinmap.arrays import FloatArray, IntArray
+from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidMeshError
 
 
@@ -22,25 +22,33 @@ def edge_keys(faces: IntArray) -> IntArray:
     return np.where(start < end, key, ~key)
 
 
+def by_edge(faces: IntArray) -> tuple[IntArray, BoolArray]:
+    """(3 m,) directed edges in the order of their two ends; whether the next has the same two."""
+    ends = faces.astype(np.min_scalar_type(int(faces.max(initial=0))))  # short ones sort quickly
+    start, end = ends.ravel(), ends[:, [1, 2, 0]].ravel()
+    first, second = np.minimum(start, end), np.maximum(start, end)
+    order = np.lexsort((second, first))
+    first, second = first.take(order), second.take(order)
+    return order, (first[1:] == first[:-1]) & (second[1:] == second[:-1])
+
+
 def twins(faces: IntArray) -> IntArray:
     """(3 m,) directed edge that runs back along each one, -1 at the border.
 
     Edges in more than two faces or with faces turned over have a twin where any edge runs back.
     """
-    key = edge_keys(faces)
-    line = np.where(key < 0, ~key, key)
-    order = np.argsort(line, kind="stable")
-    ordered = line[order]
-    twin = np.full(len(key), -1, np.int64)
-    if len(key) > 2 and (ordered[2:] == ordered[:-2]).any():
+    order, same = by_edge(faces)
+    twin = np.full(faces.size, -1, np.int64)
+    if (same[1:] & same[:-1]).any():
+        key = edge_keys(faces)
         by_key = np.argsort(key, kind="stable")
         place = np.searchsorted(key[by_key], ~key)
         place[place == len(key)] = 0
         back = by_key[place]
         return np.where(key[back] == ~key, back, twin)
-    pair = np.flatnonzero(ordered[1:] == ordered[:-1])
-    first, second = order[pair], order[pair + 1]
-    opposite = key[first] != key[second]
+    first, second = order[:-1][same], order[1:][same]
+    start = faces.ravel()
+    opposite = start[first] != start[second]
     first, second = first[opposite], second[opposite]
     twin[first], twin[second] = second, first
     return twin
@@ -53,21 +61,15 @@ def border_edges(faces: IntArray) -> IntArray:
 
 def edges(faces: IntArray) -> IntArray:
     """(e, 2) undirected edges, each once, smaller index first, sorted."""
-    key = edge_keys(faces)
-    key = np.sort(np.where(key < 0, ~key, key))  # np.unique hashes, which is slower here
-    once = key[np.flatnonzero(np.diff(key, prepend=-1))]
-    first, second = np.divmod(once, int(faces.max(initial=0)) + 1)
-    return np.column_stack([first, second])
+    order, same = by_edge(faces)
+    return np.sort(half_edges(faces)[order[~np.append(False, same)[: len(order)]]])
 
 
 def face_components(faces: IntArray) -> IntArray:
     """(m,) component of each face, numbered by first appearance; faces touch through edges."""
     if len(faces) == 0:
         return np.zeros(0, np.int64)
-    key = edge_keys(faces)
-    key = np.where(key < 0, ~key, key)
-    order = np.argsort(key, kind="stable")
-    same = key[order[1:]] == key[order[:-1]]
+    order, same = by_edge(faces)
     pairs = order[1:][same] // 3, order[:-1][same] // 3
     graph = coo_array((np.ones(len(pairs[0]), np.int8), pairs), shape=(len(faces),) * 2)
     _, label = connected_components(graph, directed=False)
@@ -151,12 +153,11 @@ def check_surface(faces: IntArray) -> None:
     InvalidMeshError
         An edge in more than two faces, or neighbours that turn opposite ways.
     """
-    key = edge_keys(faces)
-    ordered = np.sort(np.where(key < 0, ~key, key))
-    if len(ordered) > 2 and (ordered[2:] == ordered[:-2]).any():
-        worst, count = np.unique(ordered, return_counts=True)
-        edge = divmod(int(worst[count > 2][0]), int(faces.max()) + 1)
+    order, same = by_edge(faces)
+    if (same[1:] & same[:-1]).any():
+        worst, count = np.unique(np.sort(half_edges(faces)), axis=0, return_counts=True)
+        edge = tuple(worst[count > 2][0].tolist())
         raise InvalidMeshError(f"edge {edge} lies in {count[count > 2][0]} faces, at most 2")
-    ordered = np.sort(key)
-    if (ordered[1:] == ordered[:-1]).any():
+    start = faces.ravel()[order]
+    if (start[1:] == start[:-1])[same].any():
         raise InvalidMeshError("two neighbouring faces turn opposite ways: orient the mesh first")

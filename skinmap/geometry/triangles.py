@@ -31,8 +31,8 @@ class TriangleMesh:
 
 def cross_products(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """(m, 3) cross products of two edges [m2]; length is twice the area, direction the normal."""
-    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
-    return np.cross(b - a, c - a)
+    a, b, c = vertices.take(faces.T, axis=0)
+    return cross(b - a, c - a)
 
 
 def face_areas(vertices: FloatArray, faces: IntArray) -> FloatArray:
@@ -68,11 +68,11 @@ def smallest_altitudes(vertices: FloatArray, faces: IntArray) -> FloatArray:
 
 def edge_lengths(vertices: FloatArray, faces: IntArray) -> FloatArray:
     """(m, 3) length of the edge opposite each corner [m], in any dimension."""
-    square = np.zeros(faces.shape)
+    square = np.zeros(faces.T.shape)
     for column in vertices.T:  # axes apart: sums over three columns are slow
-        corners = column[faces]
-        square += (corners[:, [1, 2, 0]] - corners[:, [2, 0, 1]]) ** 2
-    return np.asarray(np.sqrt(square))
+        corners = column.take(faces.T)
+        square += (np.roll(corners, -1, axis=0) - np.roll(corners, 1, axis=0)) ** 2
+    return np.sqrt(square).T
 
 
 def pair_lengths(points: FloatArray, pairs: IntArray) -> FloatArray:
@@ -87,10 +87,10 @@ def signed_areas(uv: FloatArray, faces: IntArray) -> FloatArray:
 
 
 def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """(k, 3) cross products of vectors (k, 3); of a few, numpy's own takes twice as long."""
+    """(..., 3) cross products of vectors (..., 3); numpy's own takes twice as long."""
     found = np.empty(a.shape)
     for one, other, into in ((1, 2, 0), (2, 0, 1), (0, 1, 2)):
-        found[:, into] = a[:, one] * b[:, other] - a[:, other] * b[:, one]
+        found[..., into] = a[..., one] * b[..., other] - a[..., other] * b[..., one]
     return found
 
 

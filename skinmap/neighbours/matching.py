@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.geometry.rigid import plane_turns
 from skinmap.neighbours.offsets import Neighbourhoods, ramp
 from skinmap.numba_loops import compiled as compiled_loop
@@ -22,7 +22,7 @@ ARRAYS = ("offsets", "filled", "required")  # of prototypes
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Prototypes:
+class Prototypes(Frozen):
     """The shapes of s structures, padded to k places.
 
     Attributes
@@ -42,9 +42,6 @@ class Prototypes:
     required: BoolArray
     tolerance: float
     rotations: int
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     def __len__(self) -> int:
         return len(self.offsets)
@@ -95,6 +92,8 @@ class View:
     Parameters
     ----------
     hoods : Neighbourhoods
+    compiled : bool, optional
+        Whether numba matches; by default where it is installed and worth its import.
 
     Attributes
     ----------
@@ -107,7 +106,8 @@ class View:
         A bit for each cell of a coarse raster that holds a neighbour.
     """
 
-    def __init__(self, hoods: Neighbourhoods) -> None:
+    def __init__(self, hoods: Neighbourhoods, compiled: bool | None = None) -> None:
+        self.compiled = compiled
         self.hoods, self.filled, self.weight = hoods, hoods.filled, hoods.weight
         self.held, self.needed = self.filled.sum(axis=1), hoods.required.sum(axis=1)
         self.raster = _occupancy(hoods, self.filled)
@@ -150,7 +150,7 @@ class Matcher:
 
 
 def match_costs(
-    seen: View, rows: IntArray, ready: Matcher, *, compiled: bool | None = None
+    seen: View, rows: IntArray, ready: Matcher
 ) -> tuple[FloatArray, FloatArray, IntArray]:
     """Cost, mean squared stray and best rotation (r, s) of some neighbourhoods by prototype.
 
@@ -163,8 +163,6 @@ def match_costs(
     rows : (r,) int
         Neighbourhoods to match.
     ready : Matcher
-    compiled : bool, optional
-        Whether numba does it; by default where it is installed and worth its import.
     """
     shape = (len(rows), len(ready.count))
     cost, stray = np.full(shape, np.inf), np.full(shape, np.inf)
@@ -173,7 +171,7 @@ def match_costs(
         return cost, stray, turn
     combinations = len(rows) * len(ready.count) * ready.offsets.shape[1]
     combinations *= max(1, seen.filled.shape[1] // TYPICAL) ** 3
-    compiled = pays(combinations, PAYS) if compiled is None else compiled
+    compiled = pays(combinations, PAYS) if seen.compiled is None else seen.compiled
     kernel = compiled_loop(_match) if compiled else None
     if kernel is not None:
         kernel(

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.log_maps import log_map
@@ -30,7 +30,7 @@ LEAN = np.radians(2.0)  # a lattice that lies across by less turns to one side w
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Neighbourhoods:
+class Neighbourhoods(Frozen):
     """Neighbours of n taxels within a soft radius, padded to k places.
 
     Attributes
@@ -50,9 +50,6 @@ class Neighbourhoods:
     required: BoolArray
     radius: float
     band: float
-
-    def __post_init__(self) -> None:
-        freeze(self, index=self.index, offsets=self.offsets, required=self.required)
 
     def __len__(self) -> int:
         return len(self.index)

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.flat.flat_map import FlatMap
 from skinmap.geometry.proximity import median_spacing
@@ -190,7 +190,7 @@ AVERAGED = 2  # times that shapes move to the mean of what resembles them
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Structures(Summary):
+class Structures(Frozen, Summary):
     """Which structure each of n taxels has, and which neighbour fills which place.
 
     Attributes
@@ -208,9 +208,6 @@ class Structures(Summary):
     labels: IntArray
     neighbours: IntArray
     rotation: IntArray
-
-    def __post_init__(self) -> None:
-        freeze(self, labels=self.labels, neighbours=self.neighbours, rotation=self.rotation)
 
     @property
     def counts(self) -> IntArray:
@@ -290,25 +287,25 @@ def find_structures(
         raise InvalidArrayError(
             f"tolerance must be above 0 and rotations 1, 4 or 6, got {tolerance} and {rotations}"
         )
-    order, seen = _canonical_order(hoods), View(hoods)
+    order, seen = _canonical_order(hoods), View(hoods, compiled)
     none = as_prototypes(hoods, order[:0], tolerance=tolerance, rotations=rotations)
-    shapes, left = _cover(seen, order, none, compiled)
+    shapes, left = _cover(seen, order, none)
     if len(shapes):
-        shapes = _settled(seen, shapes, compiled)
-        left = _unmatched(seen, shapes, order, compiled)
+        shapes = _settled(seen, shapes)
+        left = _unmatched(seen, shapes, order)
     if len(left) > NOISY * len(hoods) and hoods.index.shape[1] <= WIDE:
         return _resembling(hoods, order, none)
     if len(left):
-        shapes = shapes.joined(_cover(seen, left, none, compiled, fewest=1)[0])
-        left = _unmatched(seen, shapes, order, compiled)[: max(MAX_PROTOTYPES - len(shapes), 0)]
+        shapes = shapes.joined(_cover(seen, left, none, fewest=1)[0])
+        left = _unmatched(seen, shapes, order)[: max(MAX_PROTOTYPES - len(shapes), 0)]
         own = as_prototypes(hoods, left, tolerance=tolerance, rotations=rotations)
         shapes = shapes.joined(own)
-    return _by_frequency(adopt_nearest(hoods, _assigned(seen, shapes, compiled)))
+    return _by_frequency(adopt_nearest(hoods, _assigned(seen, shapes)))
 
 
-def _unmatched(seen: View, shapes: Prototypes, rows: IntArray, compiled: bool | None) -> IntArray:
+def _unmatched(seen: View, shapes: Prototypes, rows: IntArray) -> IntArray:
     """Those of some rows that match no shape."""
-    return rows[_assigned(seen, shapes, compiled).labels[rows] < 0]
+    return rows[_assigned(seen, shapes).labels[rows] < 0]
 
 
 def _resembling(hoods: Neighbourhoods, rows: IntArray, none: Prototypes) -> Structures:
@@ -412,10 +409,10 @@ def assign(
     >>> bool((assign(skin.hoods, found.prototypes).labels == found.labels).mean() > 0.9)
     True
     """
-    return _assigned(View(hoods), prototypes, compiled)
+    return _assigned(View(hoods, compiled), prototypes)
 
 
-def _assigned(seen: View, prototypes: Prototypes, compiled: bool | None) -> Structures:
+def _assigned(seen: View, prototypes: Prototypes) -> Structures:
     hoods, n = seen.hoods, len(seen.hoods)
     labels, turn = np.full(n, -1), np.zeros(n, np.int64)
     neighbours = np.full((n, prototypes.offsets.shape[1]), -1)
@@ -426,7 +423,7 @@ def _assigned(seen: View, prototypes: Prototypes, compiled: bool | None) -> Stru
         waiting = np.flatnonzero(labels < 0)
         for start in range(0, len(waiting), step):
             rows = waiting[start : start + step]
-            cost, stray, turns = match_costs(seen, rows, ready, compiled=compiled)
+            cost, stray, turns = match_costs(seen, rows, ready)
             cost[stray > rms**2] = np.inf
             best, lowest = _lowest(cost)
             hit = np.flatnonzero(np.isfinite(lowest))
@@ -463,12 +460,7 @@ def _canonical_order(hoods: Neighbourhoods) -> IntArray:
 
 
 def _cover(
-    seen: View,
-    rows: IntArray,
-    none: Prototypes,
-    compiled: bool | None,
-    *,
-    fewest: int = 2,
+    seen: View, rows: IntArray, none: Prototypes, *, fewest: int = 2
 ) -> tuple[Prototypes, IntArray]:
     """Prototypes of at least `fewest` members that cover some rows, and the rows left over."""
     hoods, shapes, uncovered = seen.hoods, none, rows
@@ -479,7 +471,7 @@ def _cover(
         candidates, columns = _sampled(uncovered, CANDIDATES), _sampled(uncovered, COLUMNS)
         pool = as_prototypes(hoods, candidates, tolerance=tolerance, rotations=rotations)
         ready = Matcher(pool, hoods, reach=tolerance)
-        cost, _, _ = match_costs(seen, columns, ready, compiled=compiled)
+        cost, _, _ = match_costs(seen, columns, ready)
         matches = np.isfinite(cost).astype(np.int64)
         free = np.ones(len(columns), np.int64)
         every = len(candidates) == len(uncovered)
@@ -491,9 +483,8 @@ def _cover(
                 break
             shape = pool.take(np.array([best]))
             for _ in range(REFINED):
-                members, found = _members(seen, uncovered, shape, compiled)
-                shape = _refined(hoods, shape, members, found)
-            members, _ = _members(seen, uncovered, shape, compiled)
+                shape = _refined(hoods, shape, *_members(seen, uncovered, shape))
+            members, *_ = _members(seen, uncovered, shape)
             covered = np.union1d(members, columns[matches[:, best] > 0])
             uncovered = uncovered[~np.isin(uncovered, covered)]
             free[np.isin(columns, covered)] = 0
@@ -510,26 +501,20 @@ def _sampled(rows: IntArray, most: int) -> IntArray:
     return rows[(np.arange(most) * len(rows)) // most]
 
 
-def _members(
-    seen: View, rows: IntArray, shape: Prototypes, compiled: bool | None
-) -> tuple[IntArray, tuple[IntArray, IntArray]]:
+def _members(seen: View, rows: IntArray, shape: Prototypes) -> tuple[IntArray, IntArray, IntArray]:
     """Rows that match a single prototype, with their rotation (m,) and partners (m, k)."""
     ready = Matcher(shape, seen.hoods, reach=shape.tolerance)
-    cost, _, turn = match_costs(seen, rows, ready, compiled=compiled)
+    cost, _, turn = match_costs(seen, rows, ready)
     hit = np.flatnonzero(np.isfinite(cost[:, 0]))
     turns = turn[hit, 0]
     partner = pairing(seen, rows[hit], ready, np.zeros_like(turns), turns)[2]
-    return rows[hit], (turns, partner)
+    return rows[hit], turns, partner
 
 
 def _refined(
-    hoods: Neighbourhoods,
-    shape: Prototypes,
-    members: IntArray,
-    found: tuple[IntArray, IntArray],
+    hoods: Neighbourhoods, shape: Prototypes, members: IntArray, turns: IntArray, partner: IntArray
 ) -> Prototypes:
     """One prototype with each point at the mean of its members', required if most require it."""
-    turns, partner = found
     if len(members) == 0:
         return shape
     back = plane_turns(2.0 * np.pi * turns / shape.rotations)
@@ -549,13 +534,13 @@ def _refined(
     return Prototypes(*clockwise(offsets, filled, required), shape.tolerance, shape.rotations)
 
 
-def _settled(seen: View, shapes: Prototypes, compiled: bool | None) -> Prototypes:
+def _settled(seen: View, shapes: Prototypes) -> Prototypes:
     """Prototypes moved to the mean of all taxels that match them best.
 
     Those without members are left out, and so are those that match one with more members: noise
     had split them.
     """
-    hoods, found = seen.hoods, _by_frequency(_assigned(seen, shapes, compiled))
+    hoods, found = seen.hoods, _by_frequency(_assigned(seen, shapes))
     order = np.argsort(found.labels, kind="stable")
     kept = found.prototypes.take(np.zeros(0, np.int64))
     ends = np.searchsorted(found.labels[order], np.arange(len(found.prototypes) + 1))
@@ -572,7 +557,7 @@ def _mean(hoods: Neighbourhoods, found: Structures, s: int, members: IntArray) -
     same &= found.neighbours[members][:, :, None] >= 0
     partner = np.where(same.any(axis=2), same.argmax(axis=2), -1)
     shape = found.prototypes.take(np.array([s]))
-    return _refined(hoods, shape, members, (found.rotation[members], partner))
+    return _refined(hoods, shape, members, found.rotation[members], partner)
 
 
 def _matches_any(shape: Prototypes, others: Prototypes, hoods: Neighbourhoods) -> bool:

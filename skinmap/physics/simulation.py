@@ -27,7 +27,6 @@ from skinmap.physics.pressing import (
 from skinmap.physics.variants import DEFAULT, Range, Variant, find_variant
 from skinmap.skin.skin import Skin
 from skinmap.touch.recording import Recording
-from skinmap.touch.simulation import moving_touches
 from skinmap.touch.simulation.gestures import FOUR, LONG_ON_SKIN, ON_SKIN, TIME
 from skinmap.touch.simulation.hands import OBLIQUE, Draw
 from skinmap.touch.simulation.moving_touches import TIME_GESTURES, Laid, Timing, lay
@@ -329,7 +328,6 @@ def press_in_time(
     bed, variant = ground.bed, ground.variant
     subject = Subject(person.number, person.hand, 1.0, person.pace, int(rng.integers(HABITS)))
     surface = PointSurface(bed.skin.positions, bed.skin.normals, bed.spacing)
-    laid_on = moving_touches.Ground(bed.skin, bed.graph, surface)
     time = STEP * np.arange(round((RISE + REST) / STEP))
     rise = np.minimum(time / RISE, 1.0)[:, None]
     timing = Timing(rate, rng, subject)
@@ -362,7 +360,7 @@ def press_in_time(
             return np.asarray(ground.feel[:, made.springs] @ made.loads[-1])
 
         over = over_rim_of(variety, rng)
-        laid = lay(laid_on, gesture, push, subject.hand, rng=rng, over=over)
+        laid = lay(surface, gesture, push, subject.hand, rng=rng, over=over)
         if laid is not None:
             if gesture.other:  # both sides of a grip are one pose
                 forces, centres = [sum(forces[-2:])], [np.mean(centres[-2:], axis=0)]

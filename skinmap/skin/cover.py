@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.geometry.proximity import closest_on_mesh, nearest
 from skinmap.geometry.rigid import turn_about
 from skinmap.geometry.triangles import TriangleMesh, face_normals
@@ -23,7 +23,7 @@ from skinmap.skin.skin import Skin
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class SkinFit:
+class SkinFit(Frozen):
     """Measures per taxel (n,).
 
     Attributes
@@ -46,9 +46,6 @@ class SkinFit:
     normal_angle: FloatArray
     inward: BoolArray
     covered: BoolArray
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
 
 def measure_fit(skin: Skin, body: TriangleMesh) -> SkinFit:

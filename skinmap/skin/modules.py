@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, MissingFileError, UnknownNameError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import plane_turns, rigid_fit, transform_points
@@ -187,7 +187,7 @@ LEVER = 5e-3  # length at which a borrowed normal holds a module that stands in 
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class ModulePose:
+class ModulePose(Frozen):
     """Where one board lies.
 
     Attributes
@@ -206,9 +206,6 @@ class ModulePose:
     residual: float
     taxels: int
     sure: bool
-
-    def __post_init__(self) -> None:
-        freeze(self, T_link_module=self.T_link_module)
 
 
 def slots_of(table: TaxelTable, layout: ModuleLayout) -> IntArray:

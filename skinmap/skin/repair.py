@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.arrays import FloatArray, Frozen, IntArray
 from skinmap.errors import SkinWarning, check_known
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import transform_points
@@ -40,7 +40,7 @@ UNIT_MATCH = 1.25  # how far a pitch may be off and still tell its unit: mm and 
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class RepairReport:
+class RepairReport(Frozen):
     """Repairs of a taxel table.
 
     Attributes
@@ -68,9 +68,6 @@ class RepairReport:
     rebuilt: IntArray
     unplaced: IntArray
     stated: str = "m"
-
-    def __post_init__(self) -> None:
-        freeze(self, thermal=self.thermal, rebuilt=self.rebuilt, unplaced=self.unplaced)
 
 
 def repair_table(

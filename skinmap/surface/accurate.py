@@ -13,6 +13,7 @@ from skinmap.errors import InvalidMeshError
 from skinmap.geometry.proximity import closest_on_mesh
 from skinmap.geometry.topology import (
     boundary_loops,
+    by_edge,
     check_surface,
     edges,
     face_components,
@@ -56,14 +57,7 @@ def accurate_faces(cloud: Cloud, limits: Limits, body: TriangleMesh) -> IntArray
     triangles, neighbours = voronoi_dual(cloud, surface)
     reached = near_along(neighbours, _rings(cloud, limits), 2.0 * limits.max_edge.max())
     near = _as_near_as_seen(cloud, reached)
-    votes = delaunay_stars(
-        cloud.points,
-        cloud.normals,
-        cloud.spacing,
-        limits.max_edge,
-        neighbours=CROWD,
-        allowed=near,
-    )
+    votes = delaunay_stars(cloud, limits.max_edge, neighbours=CROWD, allowed=near)
     triangles = _within(cloud, triangles, near, limits.max_edge)
     votes = np.concatenate([*DUAL_VOTES * [triangles], votes])
     faces = consensus(cloud.points, cloud.normals, votes, limits.least_altitude)
@@ -320,9 +314,6 @@ def _quads(faces: IntArray) -> tuple[IntArray, IntArray, IntArray, IntArray]:
     """Ends a, b of each inner edge with the corners c, d opposite to it."""
     start, end = half_edges(faces).T
     opposite = faces[:, [2, 0, 1]].ravel()
-    n = int(faces.max()) + 1
-    key = np.minimum(start, end) * n + np.maximum(start, end)
-    order = np.argsort(key, kind="stable")
-    twin = key[order[1:]] == key[order[:-1]]
-    first, second = order[:-1][twin], order[1:][twin]
+    order, same = by_edge(faces)
+    first, second = order[:-1][same], order[1:][same]
     return start[first], end[first], opposite[first], opposite[second]

@@ -14,6 +14,7 @@ from skinmap.errors import InvalidArrayError
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.topology import (
     boundary_loops,
+    by_edge,
     face_components,
     half_edges,
     loop_length,
@@ -51,10 +52,12 @@ class Limits:
         self, cloud: Cloud, max_edge: float | None, least_altitude: float | None, largest_hole: int
     ) -> None:
         for name, value in (("max_edge", max_edge), ("least_altitude", least_altitude)):
-            if value is not None and not (np.isfinite(value) and value >= 0):
+            if value is None:
+                continue
+            if not (np.isfinite(value) and value >= 0):
                 raise InvalidArrayError(f"{name} must be a length of 0 m or more, got {value}")
             size = cloud.unit * float(np.linalg.norm(np.ptp(cloud.points, axis=0)))
-            if value is not None and value > BEYOND * size > 0.0:
+            if value > BEYOND * size > 0.0:
                 raise InvalidArrayError(
                     f"{name} of {value:g} m, on a skin of {size:.2g} m: is it in millimetres?"
                 )
@@ -68,9 +71,7 @@ class Limits:
 
 def consensus_faces(cloud: Cloud, limits: Limits, *, neighbours: int = NEIGHBOURS) -> IntArray:
     """Faces (m, 3) over the points of a cloud."""
-    votes = delaunay_stars(
-        cloud.points, cloud.normals, cloud.spacing, limits.max_edge, neighbours=neighbours
-    )
+    votes = delaunay_stars(cloud, limits.max_edge, neighbours=neighbours)
     faces = consensus(cloud.points, cloud.normals, votes, limits.least_altitude)
     return close_small_holes(cloud, limits, faces)
 
@@ -184,7 +185,6 @@ def _quality(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 
 FACING = 0.3  # cosine between a triangle's normal and its taxels': 73 degrees
-PACKED = 2**21  # points up to here: three indices fit into one 64-bit key
 
 
 def consensus(
@@ -205,9 +205,9 @@ def consensus(
     triangles, count = tally(votes, len(points))
     longest = edge_lengths(points, triangles).max(axis=1)
     solid = is_solid(points, normals, triangles, longest, least_altitude)
-    order = np.lexsort((longest[solid], -count[solid]))
-    triangles = triangles[solid][order]
-    return without_pinches(triangles[take_in_turn(_edge_numbers(triangles, len(points)))])
+    order = np.lexsort((longest, -count))
+    triangles = triangles.take(order[solid[order]], axis=0)
+    return without_pinches(triangles[take_in_turn(_edge_numbers(triangles))])
 
 
 def is_solid(
@@ -218,36 +218,36 @@ def is_solid(
     least_altitude: float,
 ) -> BoolArray:
     """(t,) whether triangles of longest edges (t,) are high enough and lie outside up."""
-    cross = cross_products(points, triangles)
-    double = np.sqrt(np.einsum("ij,ij->i", cross, cross))
-    up = normals[triangles]
-    mean = up.sum(axis=1)
-    facing = np.einsum("ij,ij->i", cross, mean)
+    cross = np.ascontiguousarray(cross_products(points, triangles).T)
+    double = np.sqrt(np.einsum("at,at->t", cross, cross))
+    up = normals.T.take(triangles.T, axis=1)
+    mean = up[:, 0] + up[:, 1] + up[:, 2]
+    facing = np.einsum("at,at->t", cross, mean)
     solid = double > least_altitude * longest
-    solid &= facing > FACING * double * np.sqrt(np.einsum("ij,ij->i", mean, mean))
+    solid &= facing > FACING * double * np.sqrt(np.einsum("at,at->t", mean, mean))
     # No corner may look the other way: its taxel is on the far side, or its normal turned over.
-    solid &= np.einsum("tij,tj->ti", up, cross).min(axis=1, initial=np.inf) > 0
-    return np.asarray(solid)
+    return np.asarray(solid & (np.einsum("akt,at->kt", up, cross) > 0).all(axis=0))
 
 
 def tally(votes: IntArray, n: int) -> tuple[IntArray, IntArray]:
     """Triangles (k, 3) that got votes (t, 3), smallest corner first, sorted; votes (k,) of each."""
-    if n > PACKED:
-        start = np.argmin(votes, axis=1)
-        rolled = np.take_along_axis(votes, (start[:, None] + np.arange(3)) % 3, axis=1)
-        return np.unique(rolled, axis=0, return_counts=True)
-    a, b, c = votes.T
-    turns = [(a * n + b) * n + c, (b * n + c) * n + a, (c * n + a) * n + b]
-    key, count = np.unique(np.minimum.reduce(turns), return_counts=True)
-    pair, last = np.divmod(key, n)
-    return np.column_stack([*np.divmod(pair, n), last]), count
+    corners = np.array(votes.T, np.min_scalar_type(n), order="C")  # short numbers sort quickly
+    for _ in range(2):
+        corners = np.where(
+            corners[0] > corners.min(axis=0), corners.take([1, 2, 0], axis=0), corners
+        )
+    corners = corners.take(np.lexsort(corners[::-1]), axis=1)
+    a, b, c = corners[:, 1:] != corners[:, :-1]
+    fresh = np.flatnonzero(np.append(True, a | b | c))
+    return np.array(corners[:, fresh].T, np.int64, order="C"), np.diff(fresh, append=len(votes))
 
 
-def _edge_numbers(triangles: IntArray, n: int) -> IntArray:
+def _edge_numbers(triangles: IntArray) -> IntArray:
     """(t, 3) number of the directed edge behind each corner: equal edges, equal numbers."""
-    key = triangles * n + triangles[:, [1, 2, 0]]
-    _, number = np.unique(key, return_inverse=True)
-    return np.asarray(number.reshape(-1, 3), np.int64)
+    order, same = by_edge(triangles)
+    number = np.empty(triangles.size, np.int64)
+    number[order] = 2 * np.cumsum(~np.append(False, same)[: len(order)])
+    return number.reshape(-1, 3) + (triangles < triangles[:, [1, 2, 0]])
 
 
 def take_in_turn(numbers: IntArray) -> BoolArray:
@@ -274,23 +274,41 @@ def take_in_turn(numbers: IntArray) -> BoolArray:
 
 def without_pinches(faces: IntArray) -> IntArray:
     """Faces less the smaller fans at vertices where two or more fans meet in a point."""
-    while True:
+    while not one_fan(faces).all():
         fan, vertex = fans(faces)
         size = np.bincount(fan)
-        if len(size) == np.count_nonzero(np.bincount(faces.ravel())):
-            return faces
         # Largest fan first at each vertex, then the one with the earliest face.
         rank = np.lexsort((np.arange(len(size)), -size, vertex))
         smaller = np.zeros(len(size), np.bool_)
         smaller[rank[1:]] = vertex[rank[1:]] == vertex[rank[:-1]]
         faces = faces[~smaller[fan].reshape(-1, 3).any(axis=1)]
+    return faces
 
 
-def pinched_vertex(faces: IntArray) -> int:
-    """A vertex where two fans meet in a point; -1 where there is none."""
-    _, vertex = fans(faces)
-    used, count = np.unique(vertex, return_counts=True)
-    return int(used[np.argmax(count)]) if (count > 1).any() else -1
+def one_fan(faces: IntArray) -> BoolArray:
+    """(3 m,) whether each corner is met on one walk round its vertex: not if in a second fan."""
+    vertex, ahead = faces.ravel(), corners_ahead(faces)
+    begin = np.full(int(vertex.max(initial=-1)) + 1, -1)
+    begin[vertex] = np.arange(len(vertex))
+    behind = np.zeros(len(vertex) + 1, np.bool_)
+    behind[ahead] = True
+    ends = np.flatnonzero(~behind[:-1])
+    begin[vertex[ends]] = ends
+    met, here = np.zeros(len(vertex), np.bool_), begin[begin >= 0]
+    while len(here):
+        met[here] = True
+        here = ahead[here]
+        here = here[here >= 0]
+        here = here[~met[here]]
+    return met
+
+
+def corners_ahead(faces: IntArray) -> IntArray:
+    """(3 m,) next corner at the same vertex, clockwise; -1 where the fan ends."""
+    twin = twins(faces)
+    # The edge behind corner c runs back from the corner after its twin, at the same vertex.
+    after = np.arange(faces.size).reshape(-1, 3)[:, [1, 2, 0]].ravel()
+    return np.where(twin >= 0, after[twin], -1)
 
 
 def fans(faces: IntArray) -> tuple[IntArray, IntArray]:
@@ -298,12 +316,10 @@ def fans(faces: IntArray) -> tuple[IntArray, IntArray]:
 
     Corners of one vertex are of one fan where their faces share an edge at it.
     """
-    start = faces.ravel()
-    twin = twins(faces)
-    corner = np.flatnonzero(twin >= 0)
-    # The edge behind corner c runs back from the corner after its twin, at the same vertex.
-    ahead = twin[corner] - twin[corner] % 3 + (twin[corner] + 1) % 3
-    graph = coo_array((np.ones(len(corner), np.int8), (corner, ahead)), shape=(faces.size,) * 2)
+    start, ahead = faces.ravel(), corners_ahead(faces)
+    corner = np.flatnonzero(ahead >= 0)
+    pairs = corner, ahead[corner]
+    graph = coo_array((np.ones(len(corner), np.int8), pairs), shape=(faces.size,) * 2)
     count, label = connected_components(graph, directed=False)
     first = np.full(count, faces.size)
     np.minimum.at(first, label, np.arange(faces.size))

@@ -23,8 +23,7 @@ from skinmap.surface.consensus_meshing import (
     SMALL_HOLE,
     Limits,
     consensus_faces,
-    pinched_vertex,
-    without_pinches,
+    one_fan,
 )
 from skinmap.surface.taxel_cloud import FEW, NEIGHBOURS, Cloud
 
@@ -244,9 +243,10 @@ def surface_from_faces(skin: Skin, faces: ArrayLike) -> SurfaceMesh:
         row = int(np.argmax(twice))
         raise InvalidMeshError(f"face {row} names a taxel twice: {own[row].tolist()}")
     check_surface(own)
-    if len(without_pinches(own)) != len(own):
+    pinched = own.ravel()[~one_fan(own)]
+    if len(pinched):
         raise InvalidMeshError(
-            f"the faces meet in one vertex only at taxel {pinched_vertex(own)}: not manifold"
+            f"the faces meet in one vertex only at taxel {pinched[0]}: not manifold"
         )
     patches = by_size(own)
     a, b, c = np.moveaxis(skin.positions[own], 1, 0)

@@ -52,6 +52,10 @@ class Cloud:
         Median distance to the nearest other point, in units.
     spacings : (k,) float
         The same about each point: more in an area coarser than the median.
+    nearest : (c, k) int
+        The nearest other points of each.
+    reach : (k,) float
+        All others are at least as far away, in units.
 
     Raises
     ------
@@ -65,10 +69,11 @@ class Cloud:
         scaled, self.centre, self.unit = to_unit(check_points(positions, "positions"))
         tolerance = None if merge is None else merge / self.unit
         normals = check_finite(normals, "normals", (len(positions), 3))
-        self.representative, self.vertices, near = _distinct(scaled, normals, tolerance)
-        count = len(self.vertices)
-        if count < 3:
-            raise InvalidMeshError(f"{count} distinct taxels make no surface: at least 3")
+        self.representative, self.vertices, near, (distance, index) = _distinct(
+            scaled, normals, tolerance
+        )
+        self.nearest = index[:FIRST]
+        self.reach = distance[FIRST] if len(index) > FIRST else np.full(index.shape[1], np.inf)
         self.points, self.normals = scaled[self.vertices], normals[self.vertices]
         self.spacing = float(np.median(near))
         self.spacings = local_spacings(self.points, self.normals, near, self.spacing)
@@ -92,12 +97,13 @@ def local_spacings(
         return found
     tree, count = cKDTree(points[coarse]), np.arange(1, min(COPIES, len(coarse) - 1) + 2)
     distance, index = tree.query(points[coarse], k=count[1:])
-    alike = (distance <= ABOUT * near[coarse, None]) & ~faces_away(normals, coarse, coarse[index])
+    away = faces_away(normals, coarse[:, None], coarse[index])
+    alike = (distance <= ABOUT * near[coarse, None]) & ~away
     others = np.sort(np.where(alike, near[coarse[index]], spacing), axis=1)
     own = np.maximum(np.minimum(near[coarse], others[:, -ALIKE]), spacing)
     distance, index = tree.query(points, k=count)
     beside = distance <= BESIDE * own[index]
-    beside &= ~faces_away(normals, np.arange(len(points)), coarse[index])
+    beside &= ~faces_away(normals, np.arange(len(points))[:, None], coarse[index])
     return np.maximum(found, np.where(beside, own[index], spacing).max(axis=1))
 
 
@@ -116,30 +122,33 @@ def to_unit(points: FloatArray) -> tuple[FloatArray, FloatArray, float]:
 
 def _distinct(
     points: FloatArray, normals: FloatArray, tolerance: float | None
-) -> tuple[IntArray, IntArray, FloatArray]:
+) -> tuple[IntArray, IntArray, FloatArray, tuple[FloatArray, IntArray]]:
     """Representative (n,), distinct points (k,) and how far the nearest other is from each (k,).
 
-    The distinct points are in lexicographic order.
+    And the nearest others on either side. The distinct points are in lexicographic order.
 
     Where taxels stand in near-coincident groups the nearest other says nothing of the spacing:
     what is nearer than a hundredth of the distance to the eighth is merged first. Taxels that
     look the other way are on the far side of a thin part and no neighbours.
     """
-    order = np.lexsort(points.T[::-1])
+    order = np.argsort(points[:, 0])
+    if (np.diff(points[order, 0]) == 0.0).any():
+        order = np.lexsort(points.T[::-1])
     fresh = (np.diff(points[order], axis=0, prepend=np.nan) != 0).any(axis=1)
     vertices, representative = order[fresh], np.empty(len(points), np.int64)
     representative[order] = vertices[np.cumsum(fresh) - 1]
-    while len(vertices) > 1:
-        distance, index = _nearest_on_its_side(points[vertices], normals[vertices])
-        near, far = distance[:, 0], distance[:, -1]
+    while len(vertices) > 2:
+        either = _nearest(points[vertices], FIRST + 1)
+        distance, index = _on_its_side(normals[vertices], *either)
+        near, far = distance[0], distance[-1]
         spacing, wide = float(np.median(near)), float(np.median(far))
         crowded = spacing <= MERGE * wide < np.inf
         limit = (MERGE * (wide if crowded else spacing)) if tolerance is None else tolerance
         row, column = np.nonzero(distance <= limit)
         if len(row) == 0:
-            return representative, vertices, near
+            return representative, vertices, near, either
         pairs = coo_array(
-            (np.ones(len(row)), (row, index[row, column])), shape=(len(vertices),) * 2
+            (np.ones(len(row)), (index[row, column], column)), shape=(len(vertices),) * 2
         )
         _, label = connected_components(pairs, directed=False)
         lowest = np.full(label.max() + 1, len(points))
@@ -148,7 +157,7 @@ def _distinct(
         stand_in[vertices] = lowest[label]
         representative = stand_in[representative]
         vertices = order[representative[order] == order]
-    return representative, vertices, np.zeros(len(vertices))
+    raise InvalidMeshError(f"{len(vertices)} distinct taxels make no surface: at least 3")
 
 
 def gaps_on_one_side(points: FloatArray, normals: FloatArray) -> FloatArray:
@@ -159,48 +168,53 @@ def gaps_on_one_side(points: FloatArray, normals: FloatArray) -> FloatArray:
     distinct, first = np.unique(points, axis=0, return_index=True)
     if len(distinct) < 2:
         return np.zeros(1)
-    gap = _nearest_on_its_side(distinct, normals[first])[0][:, 0]
+    gap = _on_its_side(normals[first], *_nearest(distinct, COPIES))[0][0]
     return gap[gap < np.inf]
 
 
-def _nearest_on_its_side(points: FloatArray, normals: FloatArray) -> tuple[FloatArray, IntArray]:
-    """Distances (k, c) and indices (k, c) of the nearest, infinitely far those that face away.
+def _nearest(points: FloatArray, count: int) -> tuple[FloatArray, IntArray]:
+    """Distances (c, k) and indices (c, k) of the nearest others of distinct points (k, 3)."""
+    tree = cKDTree(points, compact_nodes=False, balanced_tree=False)
+    distance, index = tree.query(points, k=np.arange(2, min(count, len(points) - 1) + 2))
+    return np.ascontiguousarray(distance.T), np.ascontiguousarray(index.T)
 
-    As many columns as are finite in most rows, so that the last one tells of a wider ring.
+
+def _on_its_side(
+    normals: FloatArray, distance: FloatArray, index: IntArray
+) -> tuple[FloatArray, IntArray]:
+    """Distances (c, k) and indices (c, k) of the nearest, infinitely far those that face away.
+
+    As many as are finite in most columns, so that the last one tells of a wider ring.
     """
-    count = min(COPIES, len(points) - 1)
-    distance, index = cKDTree(points).query(points, k=np.arange(2, count + 2))
-    across = faces_away(normals, np.arange(len(points)), index)
-    if not across.any() or np.median(across.all(axis=1)) > 0:
+    distance, index = distance[:COPIES], index[:COPIES]
+    across = faces_away(normals, np.arange(index.shape[1]), index)
+    if not across.any() or np.median(across.all(axis=0)) > 0:
         return distance, index  # one side only, or normals that say nothing
     distance = np.where(across, np.inf, distance)
-    order = np.argsort(distance, axis=1, kind="stable")
-    distance = np.take_along_axis(distance, order, 1)
-    kept = max(1, int((np.median(distance, axis=0) < np.inf).sum()))
-    return distance[:, :kept], np.take_along_axis(index, order, 1)[:, :kept]
+    order = np.argsort(distance, axis=0, kind="stable")
+    distance = np.take_along_axis(distance, order, 0)
+    kept = max(1, int((np.median(distance, axis=1) < np.inf).sum()))
+    return distance[:kept], np.take_along_axis(index, order, 0)[:kept]
 
 
 def faces_away(normals: FloatArray, rows: IntArray, index: IntArray) -> BoolArray:
-    """(r, k) whether neighbours of rows (r,) look the other way: on the far side, or a fold's."""
-    x, y, z = (normals[rows, axis, None] * normals[:, axis][index] for axis in range(3))
+    """Whether neighbours of rows look the other way: on the far side, or a fold's."""
+    x, y, z = (along.take(rows) * along.take(index) for along in normals.T)
     return np.asarray(x + y + z < AWAY)
 
 
 NEIGHBOURS = 20  # more than two rings of a hexagonal lattice; a star needs one
 FEW = 12  # close most stars too; at borders a little less is seen
 JITTER = 1e-4  # in spacings: the least that breaks the ties of a square grid bent in space
-FIRST = 9  # nearest to begin with: they settle most stars
+FIRST = 8  # nearest to begin with: they settle most stars
 FLAT = 1e-12  # of the inverted size squared: less is a rounding error
-CHUNK = 256  # taxels at a time: the k^2 numbers of a star stay in the processor's cache
-MANY = 65_536  # bounds the memory of the neighbour table
+CHUNK = 2048  # taxels at a time: the numbers of their stars stay in the processor's cache
 MARGIN = 1e-9  # relative: for the rounding of a circle's diameter
 
 
 def delaunay_stars(
-    points: FloatArray,
-    normals: FloatArray,
-    spacing: float,
-    limit: float | FloatArray,
+    cloud: Cloud,
+    limit: FloatArray,
     *,
     neighbours: int = NEIGHBOURS,
     allowed: csr_array | None = None,
@@ -209,19 +223,17 @@ def delaunay_stars(
 
     The first column is the point that votes; the order is counter-clockwise about its normal.
     The neighbours of a point in a Delaunay diagram are the corners of the convex hull of its
-    neighbourhood inverted in the unit circle: from each neighbour the hull can only go on to the
-    one that turns least, and it does if all others lie to the left of that step.
+    neighbourhood inverted in the unit circle: the nearest is one, and from each the hull goes on
+    to the one that turns least.
+
+    A few neighbours are enough for a star that is closed and whose triangles have circles too
+    small for any point further away to lie in.
 
     Parameters
     ----------
-    points : (n, 3) array of float
-        [m].
-    normals : (n, 3) array of float
-        Unit, consistent.
-    spacing : float
-        Typical distance of neighbours [m].
-    limit : float or (n,) array of float
-        Longest edge allowed [m]; of those at its two ends the shorter one.
+    cloud : Cloud
+    limit : (n,) array of float
+        Longest edge allowed at each point, in units; of those at its two ends the shorter one.
     neighbours : int
         Nearest others that a star is made of.
     allowed : (n, n) sparse array, optional
@@ -233,42 +245,40 @@ def delaunay_stars(
     """
     # Symbolic perturbation: the same for every run, so that co-circular taxels agree on one
     # diagonal. It is no source of randomness that a caller would want to choose.
-    jitter = np.random.default_rng(0).normal(scale=JITTER * spacing, size=points.shape)
-    shaken = points + jitter
-    tree = cKDTree(shaken)
-    limit = np.broadcast_to(np.asarray(limit, np.float64), len(points)).copy()
-    found = [np.zeros((0, 3), np.int64)]
+    jitter = np.random.default_rng(0).normal(scale=JITTER * cloud.spacing, size=cloud.points.shape)
+    shaken = cloud.points + jitter
+    points = np.ascontiguousarray(shaken.T)
+    reach = cloud.reach - 2.0 * np.linalg.norm(jitter, axis=1).max()
+    found, left = [np.zeros((3, 0), np.int64)], []
 
-    def near(rows: IntArray, count: int) -> tuple[FloatArray, IntArray, FloatArray]:
-        distance, index = nearest_of(tree, rows, count)
-        reach = distance[:, -1] if index.shape[1] < len(points) - 1 else np.full(len(rows), np.inf)
-        out = faces_away(normals, rows, index) | (distance == 0)
-        out |= distance > np.minimum(limit[rows, None], limit[index])
-        if allowed is not None:
-            own = np.repeat(np.arange(len(rows)), index.shape[1])
-            out |= ~contains(allowed[rows], own, index.ravel()).reshape(index.shape)
-        return np.where(out, np.inf, distance), index, reach
+    def vote(rows: IntArray, index: IntArray, path: IntArray, taken: BoolArray) -> None:
+        who = index.take(path)
+        chord = np.diff(points.take(who, axis=1), axis=1)
+        most = limit.take(who)
+        short = np.sqrt(np.einsum("akr,akr->kr", chord, chord)) <= np.minimum(most[:-1], most[1:])
+        taken = taken & short
+        found.append(np.stack([rows[np.nonzero(taken)[1]], who[:-1][taken], who[1:][taken]]))
 
-    left = []
-    for start in range(0, len(points), MANY):
-        rows = np.arange(start, min(start + MANY, len(points)))
-        votes, settled = _settled_stars(shaken, normals, rows, *near(rows, FIRST), limit)
-        found.append(votes)
+    for rows in np.split(np.arange(len(shaken)), range(CHUNK, len(shaken), CHUNK)):
+        index = cloud.nearest[:, rows]
+        x, y = _inverted(points, cloud.normals, limit, rows, index, allowed)
+        path, taken, settled = _hull_paths(x, y)
+        fromx, fromy = x.take(path), y.take(path)
+        diameter = np.sqrt(np.diff(fromx, axis=0) ** 2 + np.diff(fromy, axis=0) ** 2)
+        turn = np.where(taken, fromx[:-1] * fromy[1:] - fromy[:-1] * fromx[1:], 1.0)
+        settled &= ~(taken & (turn * reach[rows] <= (1.0 + MARGIN) * diameter)).any(axis=0)
+        vote(rows, index, path, taken & settled)
         left.append(rows[~settled])
     rest = np.concatenate(left)
-    for start in range(0, len(rest), CHUNK):
-        rows = rest[start : start + CHUNK]
-        distance, index, _ = near(rows, neighbours)
-        x, y = _inverted(shaken, normals, rows, distance, index)
-        finite = np.isfinite(distance)
-        tiny = FLAT * np.maximum(np.abs(x), np.abs(y)).max(axis=1, initial=0.0)[:, None] ** 2
-        step = _hull_steps(x, y, tiny)
-        row, begin = np.nonzero((step >= 0) & finite)
-        end = step[row, begin]
-        triangles = np.column_stack([rows[row], index[row, begin], index[row, end]])
-        kept = finite[row, end] & _short_chords(shaken, triangles, limit)
-        found.append(triangles[kept])
-    return np.concatenate(found)
+    tree = cKDTree(shaken, compact_nodes=False, balanced_tree=False)
+    for rows in np.split(rest, range(CHUNK, len(rest), CHUNK)):
+        index = np.ascontiguousarray(nearest_of(tree, rows, neighbours)[1].T)
+        x, y = _inverted(points, cloud.normals, limit, rows, index, allowed)
+        path, taken, closed = _hull_paths(x, y)
+        vote(rows, index, path, taken)
+        path, taken, _ = _hull_paths(x, -y)  # a star at a border ends both ways
+        vote(rows, index, path[::-1], (taken & ~closed)[::-1])
+    return np.concatenate(found, axis=1).T
 
 
 def contains(pairs: csr_array, first: IntArray, second: IntArray) -> BoolArray:
@@ -278,104 +288,57 @@ def contains(pairs: csr_array, first: IntArray, second: IntArray) -> BoolArray:
     return np.isin(first * n + second, row.astype(np.int64) * n + column)
 
 
-def _settled_stars(
-    points: FloatArray,
-    normals: FloatArray,
-    rows: IntArray,
-    distance: FloatArray,
-    index: IntArray,
-    reach: FloatArray,
-    limit: FloatArray,
-) -> tuple[IntArray, BoolArray]:
-    """Triangles (t, 3) of the stars that no taxel further away than reach (r,) can change.
-
-    And which rows (r,) these are. All others lie outside the circles round the triangles of such
-    a star, whose diameters are shorter. In order of angle, neighbours drop out that lie within
-    the triangle of the origin and the two beside them, until the hull is left.
-    """
-    x, y = _inverted(points, normals, rows, distance, index)
-    angle = np.where(np.isfinite(distance), np.arctan2(y, x), np.inf)
-    order = np.argsort(angle, axis=1)
-    place = (order + np.arange(len(rows))[:, None] * order.shape[1])[
-        np.arange(order.shape[1]) < np.isfinite(distance).sum(axis=1)[:, None]
-    ]
-    row, x, y = place // order.shape[1], x.ravel()[place], y.ravel()[place]
-    settled = np.bincount(row, minlength=len(rows)) >= 3
-    tiny = FLAT * np.bincount(row, x * x + y * y, minlength=len(rows))
-    while True:
-        after = _next_of(row)
-        before = np.empty_like(after)
-        before[after] = np.arange(len(row))
-        stepx, stepy = x[after] - x, y[after] - y
-        bend = stepx[before] * stepy - stepy[before] * stepx
-        turn = x * y[after] - y * x[after]
-        # A gap of half a turn or more is a border; a rounding error decides nothing.
-        settled[row[(turn <= tiny[row]) | (np.abs(bend) <= tiny[row])]] = False
-        keep = settled[row] & (bend > 0)
-        if keep.all():
-            break
-        row, x, y, place = row[keep], x[keep], y[keep], place[keep]
-    far = turn * reach[row] <= (1.0 + MARGIN) * np.hypot(stepx, stepy)
-    settled[row[far]] = False
-    who = index.ravel()[place]
-    triangles = np.column_stack([rows[row], who, who[after]])[settled[row]]
-    return triangles[_short_chords(points, triangles, limit)], settled
-
-
-def _short_chords(points: FloatArray, triangles: IntArray, limit: FloatArray) -> BoolArray:
-    """(t,) whether the edge beyond the first corner of triangles (t, 3) is within both limits."""
-    one, other = triangles[:, 1], triangles[:, 2]
-    chord = np.linalg.norm(points[one] - points[other], axis=1)
-    return np.asarray(chord <= np.minimum(limit[one], limit[other]))
-
-
-def _next_of(row: IntArray) -> IntArray:
-    """(k,) the next entry of the same row, round and round; rows (k,) are in order."""
-    after = np.arange(1, len(row) + 1)
-    last = np.flatnonzero(np.diff(row, append=-1))
-    after[last] = np.concatenate([[0], last[:-1] + 1])[: len(last)]
-    return after
-
-
 def _inverted(
     points: FloatArray,
     normals: FloatArray,
+    limit: FloatArray,
     rows: IntArray,
-    distance: FloatArray,
     index: IntArray,
+    allowed: csr_array | None,
 ) -> tuple[FloatArray, FloatArray]:
-    """(r, k) x and y of neighbours inverted in the unit circle; 0 for those infinitely far.
+    """(k, r) x and y of points (3, n) about rows (r,), inverted in the unit circle.
 
-    Neighbours are laid into the tangent plane at their full length, not at that of their shadow:
-    strongly bent neighbourhoods stay near-isometric.
+    Zero for those that are no neighbours: further away than the limit, on the other side, or not
+    allowed. Neighbours are laid into the tangent plane at their full length, not at that of their
+    shadow: strongly bent neighbourhoods stay near-isometric.
     """
-    x, y = np.zeros(index.shape), np.zeros(index.shape)
-    first, second = tangent_frames(normals[rows]).swapaxes(0, 1)
-    for axis in range(3):  # axes apart: sums over three columns are slow
-        offset = points[:, axis][index] - points[rows, axis][:, None]
-        x += offset * first[:, axis, None]
-        y += offset * second[:, axis, None]
-    shadow = np.hypot(x, y)
-    near = np.isfinite(distance) & (shadow > 0)
-    length = np.multiply(distance, shadow, out=np.ones_like(x), where=near)
-    stretch = np.divide(1.0, length, out=np.zeros_like(x), where=near)
+    offset = points.take(index, axis=1) - points[:, None, rows]
+    distance = np.sqrt(offset[0] ** 2 + offset[1] ** 2 + offset[2] ** 2)
+    near = (distance > 0) & (distance <= np.minimum(limit[rows], limit.take(index)))
+    near &= ~faces_away(normals, rows, index)
+    if allowed is not None:
+        own = np.tile(np.arange(len(rows)), len(index))
+        near &= contains(allowed[rows], own, index.ravel()).reshape(index.shape)
+    axes = np.ascontiguousarray(np.moveaxis(tangent_frames(normals[rows]), 0, 2))[:, :, None]
+    x, y = axes[:, 0] * offset[0] + axes[:, 1] * offset[1] + axes[:, 2] * offset[2]
+    shadow = np.sqrt(x * x + y * y)
+    stretch = np.zeros_like(x)
+    np.divide(1.0, distance * shadow, out=stretch, where=near & (shadow > 0))
     return x * stretch, y * stretch
 
 
-def _hull_steps(x: FloatArray, y: FloatArray, tiny: FloatArray) -> IntArray:
-    """(r, k) where the hull of inverted neighbours x, y (r, k) goes on to from each; else -1."""
-    # Of the steps i > j with the origin to the left, that is counter-clockwise about the point,
-    # the one that turns least from the way out of the origin through i.
-    turn = x[:, :, None] * y[:, None, :] - y[:, :, None] * x[:, None, :]
-    along = x[:, :, None] * x[:, None, :] + y[:, :, None] * y[:, None, :]
-    along -= (x * x + y * y)[:, :, None]
-    forward = turn > tiny[..., None]
-    ratio = np.full_like(turn, -np.inf)
-    np.divide(along, turn, out=ratio, where=forward)
-    step = ratio.argmax(axis=2)
-    dx = np.take_along_axis(x, step, 1) - x
-    dy = np.take_along_axis(y, step, 1) - y
-    side = dx[..., None] * y[:, None, :]
-    side -= dy[..., None] * x[:, None, :]
-    hull = side.min(axis=2, initial=np.inf) - (dx * y - dy * x) >= -tiny
-    return np.where(hull & forward.any(axis=2), step, -1)
+def _hull_paths(x: FloatArray, y: FloatArray) -> tuple[IntArray, BoolArray, BoolArray]:
+    """Ways round the hulls of inverted neighbours x, y (k, r): counter-clockwise from the nearest.
+
+    Places (s + 1, r) in x and y on the way, one behind the other; which steps (s, r) are taken;
+    whether each hull (r,) closes.
+    """
+    column, square = np.arange(x.shape[1]), x * x + y * y
+    here = square.argmax(axis=0) * len(column) + column
+    tiny = FLAT * square.max(axis=0)
+    path, taken, going = [here], [], np.ones(len(column), np.bool_)
+    for _ in range(len(x)):
+        fromx, fromy = x.take(here), y.take(here)
+        # The one that turns least from the way out of the origin through this one.
+        turn = fromx * y - fromy * x
+        along = fromx * x + fromy * y - square.take(here)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            ratio = np.where(turn > tiny, along / turn, -np.inf)
+        here = ratio.argmax(axis=0) * len(column) + column
+        taken.append(going & (ratio.take(here) > -np.inf))
+        path.append(here)
+        going = taken[-1] & (here != path[0])
+        if not going.any():
+            break
+    steps, places = np.array(taken), np.array(path)
+    return places, steps, (steps & (places[1:] == places[0])).any(axis=0)

@@ -11,7 +11,7 @@ from functools import cached_property
 
 import numpy as np
 
-from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.arrays import FloatArray, Frozen, IntArray
 from skinmap.errors import SkinMismatchError
 from skinmap.flat.flat_map import FlatMap, flatten
 from skinmap.geometry.proximity import median_spacing
@@ -158,7 +158,7 @@ def prepare_skins(robot: Robot, recordings: Sequence[Recording]) -> dict[str, Pr
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class TrainedSkin:
+class TrainedSkin(Frozen):
     """What a model remembers of a skin.
 
     Attributes
@@ -170,9 +170,6 @@ class TrainedSkin:
 
     part: str
     positions: FloatArray
-
-    def __post_init__(self) -> None:
-        freeze(self, positions=self.positions)
 
     @property
     def fingerprint(self) -> str:

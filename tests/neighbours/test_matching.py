@@ -101,7 +101,7 @@ def test_a_neighbourhood_matches_itself_at_no_cost(seed):
     rows = np.arange(len(points))
     shapes = as_prototypes(hoods, rows, tolerance=1.5e-3, rotations=6)
     cost, stray, turn = match_costs(
-        View(hoods), rows, Matcher(shapes, hoods, reach=1.5e-3), compiled=False
+        View(hoods, compiled=False), rows, Matcher(shapes, hoods, reach=1.5e-3)
     )
     np.testing.assert_allclose(np.diag(cost), 0.0, atol=1e-20)
     np.testing.assert_allclose(np.diag(stray), 0.0, atol=1e-20)
@@ -115,8 +115,8 @@ def test_compiled_matching_gives_the_same(tiling, flat_hoods, rng):
     rows = np.arange(0, len(points), 2)
     shapes = as_prototypes(hoods, rows[::9], tolerance=1.5e-3, rotations=6)
     ready = Matcher(shapes, hoods, reach=2e-3)
-    plain = match_costs(View(hoods), rows, ready, compiled=False)
-    quick = match_costs(View(hoods), rows, ready, compiled=True)
+    plain = match_costs(View(hoods, compiled=False), rows, ready)
+    quick = match_costs(View(hoods, compiled=True), rows, ready)
     assert np.isfinite(plain[0]).sum() > 1000
     for one, other in zip(plain, quick, strict=True):
         np.testing.assert_allclose(one, other, rtol=1e-12)  # sums in another order

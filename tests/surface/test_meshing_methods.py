@@ -15,7 +15,7 @@ from skinmap.skin.skin import skin_from_points
 from skinmap.surface.accurate import is_closed
 from skinmap.surface.consensus_meshing import close_loop, take_in_turn
 from skinmap.surface.surface_mesh import MESHING, build_surface
-from skinmap.surface.taxel_cloud import NEIGHBOURS, delaunay_stars
+from skinmap.surface.taxel_cloud import NEIGHBOURS, Cloud, delaunay_stars
 
 
 def canonical(faces: np.ndarray) -> set[tuple[int, ...]]:
@@ -168,7 +168,8 @@ def test_stars_of_few_neighbours_first_are_those_of_all_at_once(rng):
     for first in (stars.FIRST, NEIGHBOURS, 2):  # two settle no star: each goes the long way
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(stars, "FIRST", first)
-            both.append(delaunay_stars(points, normals, 1.0, 2.5))
+            cloud = Cloud(points, normals)
+            both.append(delaunay_stars(cloud, np.full(len(points), 2.5 / cloud.unit)))
     assert canonical(both[0]) == canonical(both[1]) == canonical(both[2])
     assert len(both[0]) == len(both[1]) == len(both[2])
 

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.arrays import FloatArray, Frozen, IntArray
 from skinmap.geometry.proximity import median_spacing
 from skinmap.geometry.rigid import tangent_frames
 from skinmap.live.contacts.sample_contacts import DRAWING, Track
@@ -55,7 +55,7 @@ SMOOTH, STRIDE = 0.05, 0.25  # [s]
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Motion(Summary):
+class Motion(Frozen, Summary):
     """How a touch moves now, and how it has moved.
 
     Attributes
@@ -95,9 +95,6 @@ class Motion(Summary):
     answer: str = ""
     probability: float = float("nan")
     set: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        freeze(self, velocity=self.velocity)
 
     @property
     def speed(self) -> float:

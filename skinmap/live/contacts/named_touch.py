@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from skinmap.arrays import FloatArray, IntArray, freeze
+from skinmap.arrays import FloatArray, Frozen, IntArray, freeze
 from skinmap.live.contacts.contact_motion import Motion
 from skinmap.summary import Drawable, Summary, listed
 from skinmap.touch.prepared_skin import PreparedSkin
@@ -43,7 +43,7 @@ class _Answered(Summary):
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class NamedTouch(_Answered):
+class NamedTouch(Frozen, _Answered):
     """One touch on one part at one moment.
 
     Attributes
@@ -100,9 +100,6 @@ class NamedTouch(_Answered):
     answers: Answers | None = None
     load: ContactForce | None = None
     area_least: float = float("nan")
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     def facts(self) -> dict[str, object]:
         """For `repr` and notebooks."""

@@ -122,15 +122,11 @@ def group_touches(
     least = np.full(len(geometry), float(ACTIVE)) if levels is None else levels
     found = _without_background(found, rule, last, least)
     group = _grips(geometry, found, rule, last, least, known)
-    masks = []
-    for number in range(int(group.max()) + 1):
-        mask = np.zeros(len(geometry), bool)
-        for contact, own in zip(found, group, strict=True):
-            if own == number:
-                mask[contact.taxels] = True
-        masks.append((sum(c.load for c, g in zip(found, group, strict=True) if g == number), mask))
-    masks.sort(key=lambda pair: -pair[0])
-    return tuple(mask for _, mask in masks)
+    load = np.bincount(group, [contact.load for contact in found])
+    masks = np.zeros((len(load), len(geometry)), bool)
+    for contact, own in zip(found, group, strict=True):
+        masks[own, contact.taxels] = True
+    return tuple(masks[np.argsort(-load, kind="stable")])
 
 
 def contacts_of_event(geometry: SkinGeometry, samples: NDArray[np.uint8]) -> tuple[Contact, ...]:

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.errors import InvalidArrayError
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 
@@ -29,7 +29,7 @@ CALM_SHARE = 25.0  # percentile over time that is rest where touches are short
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Rest:
+class Rest(Frozen):
     """Levels of n taxels.
 
     Attributes
@@ -46,9 +46,6 @@ class Rest:
     begins: FloatArray
     goes_on: FloatArray
     stuck: BoolArray
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     def __len__(self) -> int:
         return len(self.begins)

@@ -13,10 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from skinmap.arrays import BoolArray, FloatArray, IntArray, freeze
+from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.errors import InvalidArrayError, SkinMismatchError
 from skinmap.geometry.proximity import bridged_graph, nearest, path_distances
-from skinmap.geometry.topology import edges, half_edges
+from skinmap.geometry.topology import border_edges, edges
 from skinmap.geometry.triangles import unit
 from skinmap.skin.normals import along_line
 from skinmap.summary import Drawable, Summary, listed
@@ -38,7 +38,7 @@ DENSE = 2500  # taxels of a skin whose distances are kept as one table (25 MB)
 
 
 @dataclass(frozen=True, eq=False)
-class SkinGeometry:
+class SkinGeometry(Frozen):
     """What contacts on a skin are measured with: links, areas and distances along it.
 
     Attributes
@@ -64,9 +64,6 @@ class SkinGeometry:
     border: BoolArray
     graph: csr_array
     _table: list[NDArray[np.float32]] = field(default_factory=list, repr=False)
-
-    def __post_init__(self) -> None:
-        freeze(self)
 
     def __len__(self) -> int:
         return len(self.areas)
@@ -146,9 +143,8 @@ def _both_ways(pairs: IntArray) -> IntArray:
 
 def border_taxels(mesh: SurfaceMesh) -> BoolArray:
     """(n,) whether each taxel lies on the edge of its patch (or in no triangle)."""
-    pairs, count = np.unique(np.sort(half_edges(mesh.faces), axis=1), axis=0, return_counts=True)
     taxels = np.arange(len(mesh.skin))
-    border = np.isin(taxels, pairs[count == 1]) | ~np.isin(taxels, mesh.faces)
+    border = np.isin(taxels, border_edges(mesh.faces)) | ~np.isin(taxels, mesh.faces)
     return np.asarray(border[mesh.representative])
 
 

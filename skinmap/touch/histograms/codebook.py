@@ -25,7 +25,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from skinmap.arrays import FloatArray, IntArray, check_finite, freeze
+from skinmap.arrays import FloatArray, Frozen, IntArray, check_finite
 from skinmap.errors import InvalidArrayError, MissingLibraryError, SkinMismatchError, WrongTypeError
 from skinmap.neighbours.structures import Prototypes, Structures
 from skinmap.numba_loops import compile_loop
@@ -40,7 +40,7 @@ PATTERNS = 4000  # patterns of one structure that k-means sees at most
 
 
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
-class Codebook(Summary):
+class Codebook(Frozen, Summary):
     """Codewords of s structures.
 
     Attributes
@@ -61,9 +61,6 @@ class Codebook(Summary):
     words: FloatArray
     literal: bool
     scale: float = 1.0
-
-    def __post_init__(self) -> None:
-        freeze(self, words=self.words)
 
     @property
     def bins(self) -> int:

@@ -313,23 +313,6 @@ GRIP = (0.025, 0.11)  # across a limb, for an adult's hand [m]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
-class Ground:
-    """A skin to lay touches on.
-
-    Attributes
-    ----------
-    skin : Skin
-    graph : (n, n) sparse
-        Steps along the skin [m].
-    surface : PointSurface
-    """
-
-    skin: Skin
-    graph: csr_array
-    surface: PointSurface
-
-
-@dataclass(frozen=True, eq=False, slots=True)
 class Laid:
     """A touch in time on a skin.
 
@@ -353,18 +336,33 @@ class Laid:
 Press = Callable[[FloatArray, FloatArray, float, bool], FloatArray]
 
 
-def bed_press(ground: Ground, gesture: TimeGesture, foam: Foam) -> Press:
-    """Our own bed of springs."""
+def bed_press(
+    skin: Skin, graph: csr_array, surface: PointSurface, gesture: TimeGesture, foam: Foam
+) -> Press:
+    """Our own bed of springs, on a skin with its steps (n, n) [m]."""
 
     def press(spot: FloatArray, heading: FloatArray, angle: float, other: bool) -> FloatArray:
-        bodies = gesture.other if other else gesture.bodies
-        return footprint(ground, turned(bodies, angle), spot, heading, foam)
+        bodies = turned(gesture.other if other else gesture.bodies, angle)
+        source = surface.nearest(spot)
+        normal = skin.normals[source]
+        first = unit(heading - (heading @ normal) * normal)
+        frame = np.stack([first, np.cross(normal, first)])
+        reach = FAR + max(
+            float(np.hypot(*end)) + one.radius for one in bodies for end in (one.start, one.end)
+        )
+        uv, _ = log_map(skin.positions, skin.normals, graph, source, reach, frame=frame)
+        step = spot - skin.positions[source]
+        flat = frame @ step
+        length = float(np.linalg.norm(flat))
+        if length > 0:
+            flat *= float(np.linalg.norm(step)) / length
+        return bed_loads(bodies, foam, uv - flat, skin).sum(axis=0)
 
     return press
 
 
 def lay(
-    ground: Ground,
+    surface: PointSurface,
     gesture: TimeGesture,
     press: Press,
     hand: float,
@@ -372,21 +370,21 @@ def lay(
     rng: np.random.Generator,
     over: float = 0.0,
 ) -> Laid | None:
-    """A touch in time at a place drawn at random; None where it does not fit.
+    """A touch in time at a taxel drawn at random; None where it does not fit.
 
     One that moves along the skin may go `over` its rim so far [m], or come from there.
     """
-    start = int(rng.integers(len(ground.skin)))
-    heading = _tangent(ground.skin.normals[start], float(rng.uniform(0.0, 2.0 * np.pi)))
+    start = int(rng.integers(len(surface.points)))
+    heading = _tangent(surface.normals[start], float(rng.uniform(0.0, 2.0 * np.pi)))
     if gesture.other:
-        return _grip(ground, gesture, start, heading, hand, press)
+        return _grip(surface, gesture, start, heading, hand, press)
     if gesture.way > 0:
-        return _moving(ground, gesture, start, heading, press, over=over, rng=rng)
-    return _staying(ground, gesture, start, heading, press)
+        return _moving(surface, gesture, start, heading, press, over=over, rng=rng)
+    return _staying(surface, gesture, start, heading, press)
 
 
 def _moving(
-    ground: Ground,
+    surface: PointSurface,
     gesture: TimeGesture,
     start: int,
     heading: FloatArray,
@@ -395,8 +393,7 @@ def _moving(
     over: float,
     rng: np.random.Generator,
 ) -> Laid | None:
-    place = ground.skin.positions[start]
-    way = ground.surface.walk(place, heading, gesture.way, bend=gesture.bend, over=over)
+    way = surface.walk(surface.points[start], heading, gesture.way, bend=gesture.bend, over=over)
     if way.length < LEAST_SHARE * gesture.way:
         return None
     if over > 0.0 and rng.random() < 0.5:
@@ -422,10 +419,10 @@ def along_way(way: Way, course: Course, press: Press) -> Laid:
 
 
 def _staying(
-    ground: Ground, gesture: TimeGesture, start: int, heading: FloatArray, press: Press
+    surface: PointSurface, gesture: TimeGesture, start: int, heading: FloatArray, press: Press
 ) -> Laid | None:
     course = gesture.course(0.0)
-    spot, normal, _ = ground.surface.project(ground.skin.positions[start])
+    spot, normal, _ = surface.project(surface.points[start])
     heading = unit(heading - (heading @ normal) * normal)
     whole = float(np.abs(course.turned).max(initial=0.0))
     count = 1 + int(np.ceil(whole / TURN))
@@ -441,7 +438,7 @@ def _staying(
 
 
 def _grip(
-    ground: Ground,
+    surface: PointSurface,
     gesture: TimeGesture,
     start: int,
     heading: FloatArray,
@@ -449,46 +446,25 @@ def _grip(
     press: Press,
 ) -> Laid | None:
     """Thumb on one side of a limb, fingers on the other."""
-    skin = ground.skin
-    away = skin.positions - skin.positions[start]
+    points, normals = surface.points, surface.normals
+    away = points - points[start]
     gap = np.linalg.norm(away, axis=1)
-    opposed = skin.normals @ skin.normals[start] < OPPOSED
+    opposed = normals @ normals[start] < OPPOSED
     opposed &= (gap > GRIP[0]) & (gap < GRIP[1] * hand)
-    opposed &= away @ skin.normals[start] < -0.5 * gap
+    opposed &= away @ normals[start] < -0.5 * gap
     if not opposed.any():
         return None
-    depth = np.where(opposed, away @ skin.normals[start] / np.maximum(gap, 1e-9), np.inf)
+    depth = np.where(opposed, away @ normals[start] / np.maximum(gap, 1e-9), np.inf)
     end = int(np.argmin(depth))
     course = gesture.course(0.0)
-    far = unit(heading - (heading @ skin.normals[end]) * skin.normals[end])
+    far = unit(heading - (heading @ normals[end]) * normals[end])
     sides = [
-        press(skin.positions[start], heading, 0.0, False),
-        press(skin.positions[end], far, 0.0, True),
+        press(points[start], heading, 0.0, False),
+        press(points[end], far, 0.0, True),
     ]
     if min(float(side.max()) for side in sides) < 2.0 * FELT:
         return None
     return Laid(np.sum(sides, axis=0)[None], course.press[:, None], _truth(course))
-
-
-def footprint(
-    ground: Ground, bodies: Sequence[Body], spot: FloatArray, heading: FloatArray, foam: Foam
-) -> FloatArray:
-    """(n,) load of bodies at a spot (3,) of the skin, their x along a heading (3,)."""
-    skin, surface = ground.skin, ground.surface
-    source = surface.nearest(spot)
-    normal = skin.normals[source]
-    first = unit(heading - (heading @ normal) * normal)
-    frame = np.stack([first, np.cross(normal, first)])
-    reach = FAR + max(
-        float(np.hypot(*end)) + one.radius for one in bodies for end in (one.start, one.end)
-    )
-    uv, _ = log_map(skin.positions, skin.normals, ground.graph, source, reach, frame=frame)
-    step = spot - skin.positions[source]
-    flat = frame @ step
-    length = float(np.linalg.norm(flat))
-    if length > 0:
-        flat *= float(np.linalg.norm(step)) / length
-    return bed_loads(bodies, foam, uv - flat, skin).sum(axis=0)
 
 
 def _between(place: FloatArray, count: int) -> FloatArray:

@@ -32,7 +32,7 @@ from skinmap.touch.recording import Recording, TrueMotion
 from skinmap.touch.simulation.elastic_bed import bed_loads, contact_width
 from skinmap.touch.simulation.gestures import FOUR, GESTURES, LONG_ON_SKIN, ON_SKIN, TIME, Pad
 from skinmap.touch.simulation.hands import BODIES, Body, Draw, gesture_set, oblique, rolled
-from skinmap.touch.simulation.moving_touches import TIME_GESTURES, Ground, Timing, bed_press, lay
+from skinmap.touch.simulation.moving_touches import TIME_GESTURES, Timing, bed_press, lay
 from skinmap.touch.simulation.variety import (
     DEFAULT,
     FULL_SCALE,
@@ -83,10 +83,9 @@ class Stage:
     variety: float = 0.0
 
     @cached_property
-    def ground(self) -> Ground:
+    def surface(self) -> PointSurface:
         """What touches that go on in time are laid on."""
-        skin = self.skin
-        return Ground(skin, self.graph, PointSurface(skin.positions, skin.normals, self.spacing))
+        return PointSurface(self.skin.positions, self.skin.normals, self.spacing)
 
     @cached_property
     def maps(self) -> LogMaps:
@@ -304,9 +303,9 @@ def _place_in_time(
         foam = draw_foam(stage.variety, stage.sensors.sensing.foam, rng)
         draw = Draw(rng, min(stage.variety, 1.0), size, subject.force)
         gesture = TIME_GESTURES[name](draw, timing)
-        press = bed_press(stage.ground, gesture, foam)
+        press = bed_press(stage.skin, stage.graph, stage.surface, gesture, foam)
         over = over_rim_of(stage.variety, rng)
-        laid = lay(stage.ground, gesture, press, size, rng=rng, over=over)
+        laid = lay(stage.surface, gesture, press, size, rng=rng, over=over)
         if laid is not None:
             return Placed(name, laid.loads, subject, laid.weights, laid.motion)
     return None
