@@ -544,23 +544,22 @@ def read_cyskin_text(path: Path) -> list[Recording]:
     mapping = needed_mapping(path)
     try:
         with path.open(encoding="utf-8") as file:
-            lines = (
-                (number, line.split())
-                for number, line in enumerate(file, 1)
-                if line.strip() and not line.startswith("#")
-            )
+            lines = (line for line in file if line.strip() and not line.startswith("#"))
             begin = list(islice(lines, 2))
             if len(begin) < 2:
                 raise DataFormatError("no samples", path)
-            width = len(begin[0][1])
-            heads = all(word.isascii() and word.isdigit() for word in begin[0][1])
-            heads = heads and len(begin[1][1]) == width + LEAD
-            samples = chain(begin[heads:], lines)
-            rows = _numbers(samples, width + LEAD * heads, path)
+            ids, sample = (line.split() for line in begin)
+            heads = all(word.isascii() and word.isdigit() for word in ids)
+            heads = heads and len(sample) == len(ids) + LEAD
+            rows = np.loadtxt(chain(begin[heads:], lines), comments=None, ndmin=2)
     except UnicodeDecodeError as error:
         raise DataFormatError(f"not a text file ({error.reason})", path) from None
+    except ValueError as error:
+        if isinstance(error, DataFormatError):
+            raise
+        raise DataFormatError(f"not a CySkin recording: {error}", path) from None
     if heads:
-        channels = [min(int(word[:DIGITS]), MAX_CHANNEL + 1) for word in begin[0][1]]
+        channels = [min(int(word[:DIGITS]), MAX_CHANNEL + 1) for word in ids]
         values = rows[:, LEAD:]
     else:
         pairs = rows[:, LEAD:]
@@ -568,10 +567,9 @@ def read_cyskin_text(path: Path) -> list[Recording]:
             raise DataFormatError(
                 "neither a line of ids and then samples, nor samples of ids and values in turn",
                 path,
-                begin[0][0],
             )
         if not ((pairs[0, ::2] >= 0) & (pairs[0, ::2] <= MAX_CHANNEL)).all():
-            raise DataFormatError("ids that are not numbers of taxels", path, begin[0][0])
+            raise DataFormatError("ids that are not numbers of taxels", path)
         channels, values = pairs[0, ::2].astype(np.int64).tolist(), pairs[:, 1::2]
     label = mapping.label_of(path)
     table = ChannelTable(
@@ -583,15 +581,3 @@ def read_cyskin_text(path: Path) -> list[Recording]:
         numbered="id",
     )
     return [recording_of(table, mapping, path)]
-
-
-def _numbers(lines: Iterable[tuple[int, list[str]]], width: int, path: Path) -> np.ndarray:
-    found = array("d")  # a word takes ten times the memory of its number
-    for number, words in lines:
-        if len(words) != width:
-            raise DataFormatError(f"{len(words)} words, expected {width}", path, number)
-        try:
-            found.extend(map(float, words))
-        except ValueError as error:
-            raise DataFormatError(str(error), path, number) from None
-    return np.frombuffer(found).reshape(-1, width)

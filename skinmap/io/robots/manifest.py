@@ -189,11 +189,13 @@ def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
     return Robot(head.name, body, parts, pose, origin=str(path.resolve()))
 
 
-def beside(manifest: Path, name: str, inside: Path | None) -> Path:
+def beside(manifest: Path, name: str, inside: Path | None, needed: str = "") -> Path:
     """The path of a file named in a manifest, which may not lead out of the folder `inside`.
 
     Raises
     ------
+    MissingFileError
+        It does not exist, where `needed` says what it must be.
     ForbiddenPathError
         It does, by `..`, an absolute path or a link.
     DataFormatError
@@ -206,6 +208,8 @@ def beside(manifest: Path, name: str, inside: Path | None) -> Path:
         raise ForbiddenPathError(
             f"{manifest} names {name!r}, outside its own folder; SKINMAP_ALLOW_OUTSIDE=1 allows it"
         )
+    if needed and not is_file(path):
+        raise MissingFileError(path, needed)
     return path
 
 
@@ -273,9 +277,7 @@ def _cover(entry: _Part, path: Path, inside: Path | None) -> Callable[[], Triang
         raise DataFormatError(
             f"part {entry.name!r} has 'cover_mm' and 'cover': a distance or a mesh, not both", path
         )
-    file = beside(path, entry.cover, inside)
-    if not is_file(file):
-        raise MissingFileError(file, "a mesh of a cover")
+    file = beside(path, entry.cover, inside, "a mesh of a cover")
 
     def read() -> TriangleMesh:
         vertices, faces = read_mesh(file)
@@ -288,10 +290,7 @@ def _layout_name(module: str, path: Path, inside: Path | None) -> str:
     """The name of a built-in layout, or the path of a file that exists."""
     if not module.endswith((".toml", ".csv")):
         return module
-    file = beside(path, module, inside)
-    if not is_file(file):
-        raise MissingFileError(file, "a module layout")
-    return str(file)
+    return str(beside(path, module, inside, "a module layout"))
 
 
 def _reader(

@@ -47,7 +47,11 @@ NUMBERS = {
     ("mimic", "offset"): (1,),
 }
 KINDS: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
-SIMPLE = ("box", "cylinder", "capsule", "sphere")
+# Shapes and the numbers that each has.
+SIMPLE = {
+    "box": "{size}", "cylinder": "{radius} {length}", "capsule": "{radius} {length}",
+    "sphere": "{radius}",
+}  # fmt: skip
 OTHERS = {"mujoco": "an MJCF model", "sdf": "an SDF model", "COLLADA": "a COLLADA mesh"}
 STILL = ("fixed", "floating", "planar")  # one number says nothing about the last two
 
@@ -474,13 +478,8 @@ def _shape(visual: Any) -> Shape:
     kind, place = local_name(geometry), _origin(visual)
     if kind == "mesh":
         return Shape(kind, place, _numbers(geometry.get("scale") or "1"), geometry.get("filename"))
-    if kind == "box":
-        return Shape(kind, place, _numbers(geometry.attrib["size"]))
-    if kind in ("cylinder", "capsule"):
-        return Shape(kind, place, _numbers("{radius} {length}".format(**geometry.attrib)))
-    if kind == "sphere":
-        return Shape(kind, place, _numbers(geometry.attrib["radius"]))
-    return Shape(kind, place, np.zeros(0))  # refused when it is asked for: others may be sound
+    # Another one is refused when it is asked for: others may be sound.
+    return Shape(kind, place, _numbers(SIMPLE.get(kind, "").format(**geometry.attrib)))
 
 
 def _joint(element: Any, moved: Collection[str]) -> Joint:
