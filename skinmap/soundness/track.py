@@ -240,15 +240,13 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
     events = whole_numbers(first_of(held, EVENTS), "events", count, path)
     events = stretches if events is None else events
     labels = words_of(held.get("labels", held.get("file_class")))
-    words = {name: words_of(held.get(name)) for name in ("sessions", "people")}
     if events is None and len(labels) == count:  # a label of each row
-        events, labels = _runs(labels)
-        begins = np.flatnonzero((events >= 0) & (np.diff(events, prepend=-1) != 0))
-        words = {
-            name: tuple(own[row] for row in begins) if len(own) == count else own
-            for name, own in words.items()
-        }
-    words = {name: _fitted(own, events, len(labels)) for name, own in words.items()}
+        events = _runs(labels)
+        labels = _fitted(labels, events)
+    words = {
+        name: _fitted(words_of(held.get(name)), events, len(labels))
+        for name in ("sessions", "people")
+    }
     _check_words(events, labels, words, path)
     reference = next((held[one] * scale for one, scale in PRESSURE.items() if one in held), None)
     if reference is not None and (reference.ndim != 1 or reference.dtype.kind not in "uif"):
@@ -278,14 +276,14 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
     )
 
 
-def _fitted(own: tuple[str, ...], events: IntArray | None, labels: int) -> tuple[str, ...]:
-    """Words of a whole file, or of each of its rows, as one for each label."""
+def _fitted(own: tuple[str, ...], events: IntArray | None, labels: int = 0) -> tuple[str, ...]:
+    """Words of a whole file, or of each of its rows, as one for each label, or each event."""
     if labels and len(own) == 1:
         return own * labels
     if events is None or len(own) != len(events) or len(own) == labels:
         return own
     first = dict(zip(events[::-1].tolist(), own[::-1], strict=True))  # at each begin
-    return tuple(first.get(k, "") for k in range(labels))
+    return tuple(first.get(k, "") for k in range(labels or int(events.max(initial=-1)) + 1))
 
 
 def _check_words(
@@ -324,13 +322,12 @@ def _word(name: str, held: Mapping[str, NDArray[Any]]) -> str:
     return "".join(words_of(found)) if alone else ""
 
 
-def _runs(labels: tuple[str, ...]) -> tuple[IntArray, tuple[str, ...]]:
+def _runs(labels: tuple[str, ...]) -> IntArray:
     """Events of stretches of rows with the same label; an empty one is no touch."""
     keys = np.array(labels)
     touched = ~np.isin(keys, ("", "none", "nan", "-1", "rest"))
     begins = touched & np.append(True, keys[1:] != keys[:-1])
-    events = np.where(touched, np.cumsum(begins) - 1, -1)
-    return events, tuple(str(one) for one in keys[begins])
+    return np.where(touched, np.cumsum(begins) - 1, -1)
 
 
 def _times(
@@ -404,18 +401,17 @@ def _from_table(path: Path) -> Track:
     kept = [k for k in range(len(numbers)) if k not in (clock, event)]
     if mapping is not None and mapping.channels:
         kept = [k for k in kept if names[numbers[k]] in mapping.channels]
-    times, unit = _times(None if clock is None else table[:, clock], table[:, kept], path)
-    if mapping is not None and times is not None and mapping.time_unit is not None:
-        times, unit = table[:, clock] * SECONDS[mapping.time_unit], ""
-    words = {known.get(names[k].lower(), names[k].lower()): tuple(own) for k, own in said.items()}
+    held: dict[str, NDArray[Any]] = {"samples": table[:, kept]}
+    held |= {known.get(names[k].lower(), names[k].lower()): np.array(o) for k, o in said.items()}
+    if clock is not None:
+        held["times"] = table[:, clock]
     events = None if event is None else whole_numbers(table[:, event], "event", len(table), path)
-    found = {name: words.get(name, ()) for name in ("labels", "sessions", "people")}
-    if events is None and found["labels"]:
-        events, _ = _runs(found["labels"])
     if events is not None:
-        first = [int(np.flatnonzero(events == k)[0]) if (events == k).any() else 0
-                 for k in range(int(events.max(initial=-1)) + 1)]  # fmt: skip
-        found = {name: tuple(own[k] for k in first) if own else () for name, own in found.items()}
+        held["events"] = events
+        held["labels"] = np.array(_fitted(words_of(held.get("labels")), events), np.str_)
+    track = _from_arrays(path, held)
+    if mapping is not None and clock is not None and mapping.time_unit is not None:
+        track = replace(track, times=table[:, clock] * SECONDS[mapping.time_unit], unit="")
     twice = {one for one in names if names.count(one) > 1}
     ids = np.array([names.index(names[numbers[k]]) for k in kept]) if twice else None
     if mapping is not None and ids is None:  # a mended copy has no columns with names
@@ -423,10 +419,7 @@ def _from_table(path: Path) -> Track:
             heads = [names[numbers[k]] for k in kept]
             own = channel_columns(heads, mapping, path)
             ids = np.array([own[one] for one in heads], np.int64)
-    return Track(
-        str(path), table[:, kept], times, unit, ids, events,
-        found["labels"], found["sessions"], found["people"], names=tuple(names) if twice else (),
-    )  # fmt: skip
+    return replace(track, ids=ids, names=tuple(names) if twice else ())
 
 
 def _named_columns(mapping: FileMapping | None) -> dict[str, str]:

@@ -234,8 +234,8 @@ def read_table(path: Path) -> list[Recording]:
     if twice := [name for name, count in Counter(names).items() if count > 1]:
         raise DataFormatError(f"columns given twice: {first_few(twice, FEW)}", path)
     words = (mapping.label_column, mapping.person_column, mapping.session_column)
-    own = {mapping.time, mapping.event_column, *words}
-    channels = channel_columns([name for name in names if name not in own], mapping, path)
+    others = {mapping.time, mapping.event_column, *words}
+    channels = channel_columns([name for name in names if name not in others], mapping, path)
     place = {name: k for k, name in enumerate(names)}
     for name in (*words, mapping.event_column, None if mapping.rate_hz else mapping.time):
         if name is not None and name not in place:
@@ -247,32 +247,19 @@ def read_table(path: Path) -> list[Recording]:
     table, said = columns_of(rows, names, columns, [place[one] for one in words if one], path)
     if not len(table):
         raise DataFormatError("no samples", path)
-    values, others = table[:, : len(channels)], table[:, len(channels) :]
-    count = len(table)
+    held: dict[str, NDArray[Any]] = {"values": table[:, : len(channels)]}
+    held["channels"] = np.array(list(channels.values()), np.int64)
     if mapping.time in place:
-        times = others[:, 0] * SECONDS[mapping.time_unit or "s"]
-    else:
-        times = np.arange(count) / (mapping.rate_hz or 1.0)
+        held["times"] = table[:, len(channels)]
     numbers = None
     if mapping.event_column is not None:
-        if not (np.abs(others[:, -1]) <= MAX_CHANNEL).all():
-            raise DataFormatError(
-                f"{mapping.event_column} holds a value that is not the number of a touch", path
-            )
-        numbers = others[:, -1].astype(np.int64)
+        numbers = whole_numbers(table[:, -1], mapping.event_column, len(table), path)
     told, people, sessions = (said[place[one]] if one else None for one in words)
-    events, first = _events(told, numbers, mapping.label_of(path), count)
-    labels = told or [mapping.label_of(path)] * count
-    found = ChannelTable(
-        times,
-        values,
-        np.array(list(channels.values()), np.int64),
-        events,
-        tuple(labels[row] for row in first),
-        tuple(sessions[row] for row in first) if sessions else (),
-        tuple(people[row] for row in first) if people else (),
-    )
-    return [recording_of(found, mapping, path)]
+    held["events"], first = _events(told, numbers, mapping.label_of(path), len(table))
+    for name, own in (("labels", told), ("people", people), ("sessions", sessions)):
+        if own is not None:
+            held[name] = np.array([own[row] for row in first], np.str_)
+    return [recording_of(_table_of(held, mapping, path), mapping, path)]
 
 
 def text_rows(
@@ -295,26 +282,20 @@ def text_rows(
     DataFormatError
         Not a table, a row of another length, or thousands.
     """
-    at = 0
-
-    def lines(file: Iterable[str]) -> Iterator[str]:
-        nonlocal at
-        for line in file:
-            at += 1
-            if line.strip() and not line.startswith("#"):
-                yield line.strip(" \r\n")
-
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            rest = lines(file)
-            head = next(rest, "")
+            lines = (
+                "" if line.startswith("#") or not line.strip() else line.strip(" \r\n")
+                for line in file
+            )
+            before, head = next(((k, line) for k, line in enumerate(lines) if line), (0, ""))
             # A comma comes late: beside another sign it may be that of a number.
             signs = (one for one in (";", "\t", ",", " ") if one in head.replace(",\t", ","))
             delimiter = next(signs, ",")
-            reader = csv.reader(chain([head], rest), delimiter=delimiter, skipinitialspace=True)
+            reader = csv.reader(chain([head], lines), delimiter=delimiter, skipinitialspace=True)
             names = list(columns) or [cell.strip() for cell in next(reader)]
-            yield at, names
-            table = ((at, row) for row in reader)
+            yield before + 1, names
+            table = ((before + reader.line_num, row) for row in reader if row)
             begin = list(islice(table, LOOKED_AT))
             if not thousands and delimiter != ",":
                 _refuse_thousands(begin, path)
@@ -414,18 +395,12 @@ def _events(
     """
     if numbers is None and labels is None:
         return (np.zeros(count, np.int64), [0]) if label else (np.full(count, -1), [])
-    touched = np.ones(count, bool)
-    keys: IntArray = np.zeros(count, np.int64)
-    if labels is not None:
-        touched &= np.array([bool(word) for word in labels])
-        kinds = {word: k for k, word in enumerate(dict.fromkeys(labels))}
-        keys = np.array([kinds[word] for word in labels], np.int64)
+    words = np.array(labels or [])
+    touched = np.ones(count, bool) if labels is None else words != ""
     if numbers is not None:
-        touched &= numbers >= 0
-        keys = numbers
-    changes = np.ones(count, bool)
-    changes[1:] = (keys[1:] != keys[:-1]) | ~touched[:-1]
-    begins = touched & changes
+        touched = touched & (numbers >= 0)
+    keys = words if numbers is None else numbers
+    begins = touched & np.append(True, (keys[1:] != keys[:-1]) | ~touched[:-1])
     return np.where(touched, np.cumsum(begins) - 1, -1), np.flatnonzero(begins).tolist()
 
 
@@ -515,7 +490,7 @@ def whole_numbers(found: NDArray[Any] | None, name: str, count: int, path: Path)
         return None
     if found.shape != (count,) or found.dtype.kind not in "buif":
         raise DataFormatError(f"{name} of shape {found.shape}; ({count},) expected", path)
-    if found.dtype.kind == "f" and not (found == np.rint(found)).all():
+    if found.dtype.kind == "f" and not ((found == np.rint(found)) & (abs(found) < 2**53)).all():
         raise DataFormatError(f"{name} holds fractions; whole numbers expected", path)
     return found.astype(np.int64)
 
@@ -571,13 +546,9 @@ def read_cyskin_text(path: Path) -> list[Recording]:
         if not ((pairs[0, ::2] >= 0) & (pairs[0, ::2] <= MAX_CHANNEL)).all():
             raise DataFormatError("ids that are not numbers of taxels", path)
         channels, values = pairs[0, ::2].astype(np.int64).tolist(), pairs[:, 1::2]
-    label = mapping.label_of(path)
-    table = ChannelTable(
-        rows[:, 1],
-        np.where(values >= ERROR, 0.0, values),
-        np.array(channels, np.int64),
-        np.full(len(rows), 0 if label else -1),
-        (label,) if label else (),
-        numbered="id",
-    )
-    return [recording_of(table, mapping, path)]
+    held = {
+        "values": np.where(values >= ERROR, 0.0, values),
+        "times": rows[:, 1],
+        "taxel_ids": np.array(channels, np.int64),
+    }
+    return [recording_of(_table_of(held, mapping, path), mapping, path)]
