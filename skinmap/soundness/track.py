@@ -25,9 +25,9 @@ from skinmap.errors import (
 from skinmap.io.recordings.channel_table import (
     SECONDS,
     channel_columns,
-    columns_of,
     first_of,
     is_number,
+    table_columns,
     text_rows,
     whole_numbers,
     words_of,
@@ -390,7 +390,7 @@ def _from_table(path: Path) -> Track:
     known = _named_columns(mapping)
     beside = [k for k, one in enumerate(names) if one.lower() in (*known, *known.values())]
     numbers = [k for k in range(len(names)) if k not in beside]
-    table, said = columns_of(rows, names, numbers, beside, path, gaps=True)
+    table, said = table_columns(rows, names, numbers, beside, path, gaps=True)
     if not len(table):
         raise DataFormatError("a header and no rows", path)
     lower = [names[k].lower() for k in numbers]

@@ -244,7 +244,7 @@ def read_table(path: Path) -> list[Recording]:
             )
     beside = [name for name in (mapping.time, mapping.event_column) if name in place]
     columns = [place[name] for name in (*channels, *beside) if name is not None]
-    table, said = columns_of(rows, names, columns, [place[one] for one in words if one], path)
+    table, said = table_columns(rows, names, columns, [place[one] for one in words if one], path)
     if not len(table):
         raise DataFormatError("no samples", path)
     held: dict[str, NDArray[Any]] = {"values": table[:, : len(channels)]}
@@ -321,7 +321,7 @@ def _refuse_thousands(rows: Iterable[tuple[int, list[str]]], path: Path) -> None
         )
 
 
-def columns_of(
+def table_columns(
     rows: Iterable[tuple[int, list[str]]],
     names: Sequence[str],
     numbers: Sequence[int],

@@ -15,7 +15,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
 from skinmap.errors import DataFormatError, InvalidArrayError, MessageError
 from skinmap.io.mcap.reading import Content, Index, Messages, read_track
 from skinmap.io.mcap.writing import METADATA
-from skinmap.io.recordings.channel_table import columns_of, text_rows
+from skinmap.io.recordings.channel_table import table_columns, text_rows
 from skinmap.io.ros2.messages import nanoseconds_of, read
 from skinmap.io.text import check_file, in_file
 from skinmap.touch.load_calibration import rate_of_times
@@ -328,7 +328,7 @@ def _table(path: Path) -> dict[str, NDArray[Any]]:
     """A column `time`, one reference perhaps, and every other column a channel."""
     rows = text_rows(path)
     _, names = next(rows)
-    values, _ = columns_of(rows, names, range(len(names)), (), path)
+    values, _ = table_columns(rows, names, range(len(names)), (), path)
     if not len(values):
         raise DataFormatError("a table without rows", path)
     if "time" not in names:
