@@ -165,10 +165,8 @@ def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
 
 def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
     """A robot from its manifest file; see `load_robot`."""
-    if not is_file(path):
-        raise MissingFileError(path, "a robot manifest (.toml)")
     try:
-        document = read_toml(path)
+        document = read_toml(path, "a robot manifest (.toml)")
     except DataFormatError:
         written = path.suffix.lower() in (".urdf", ".xacro", ".csv")
         check_kind(path, "a manifest", hint=WRITE_ONE if written else SHIPPED)
@@ -220,7 +218,7 @@ def _body(head: _Robot, path: Path, inside: Path | None) -> Body:
     if head.urdf is None or head.mesh is not None:
         raise DataFormatError("[robot] needs either 'urdf' or 'mesh'", path)
     if ":" in head.urdf:
-        return UrdfBody(_package_model(head.urdf, path))
+        return UrdfBody(_package_model(head.urdf))
     return UrdfBody(beside(path, head.urdf, inside), inside=inside)
 
 
@@ -342,7 +340,7 @@ def _pose(angles_deg: Mapping[str, object], body: Body, path: Path) -> dict[str,
     return pose
 
 
-def _package_model(urdf: str, manifest: Path) -> Path:
+def _package_model(urdf: str) -> Path:
     """The URDF of `package:model`, a model of an installed package of robots."""
     package, _, model = urdf.partition(":")
     if package not in MODEL_PACKAGES:

@@ -209,8 +209,6 @@ def _has_volume(corners: FloatArray) -> bool:
 
 def _clusters(points: FloatArray, count: int) -> list[IntArray]:
     """Rows of points (n, 3) in groups that lie together."""
-    if count == 1:
-        return [np.arange(len(points))]
     _, label = kmeans2(points, count, minit="++", seed=0)
     return [np.flatnonzero(label == one) for one in np.unique(label)]
 

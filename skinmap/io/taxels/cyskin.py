@@ -33,7 +33,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, InvalidMeshError
 from skinmap.geometry.topology import check_surface
 from skinmap.geometry.triangles import cross_products, signed_areas, unit
-from skinmap.io.text import MAX_CHANNEL, check_file, in_file, read_text
+from skinmap.io.text import MAX_CHANNEL, in_file, read_text
 from skinmap.skin.skin import skin_from_table
 from skinmap.skin.taxels import NO_ID, TaxelTable
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
@@ -294,9 +294,9 @@ def read_cyskin(path: Path) -> CySkin:
         neither a skin nor maps.
     """
     fail = partial(DataFormatError, path=path)
-    check_file(path, "a CySkin file (.json)")
+    text = read_text(path, "a CySkin file (.json)")
     try:
-        document = json.loads(read_text(path), parse_constant=_refuse_constant)
+        document = json.loads(text, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
         raise fail(f"not JSON: {str(error)[:200]}") from None
     told = checked(document, _File, what="the file", fail=fail)
