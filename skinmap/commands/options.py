@@ -37,24 +37,20 @@ class Number(click.FloatRange):
 
     Parameters
     ----------
-    min, max : float
-        Limits, of which `min_open` and `max_open` leave one out.
+    low, high : float
+        The least and the most.
     endless : bool
-        Whether inf is taken too, beyond `max`.
+        Whether inf is taken too, beyond the most.
+    **open_ends : bool
+        `min_open` and `max_open`: whether a limit itself is left out.
     """
 
     name = "number"  # as help shows it
 
     def __init__(
-        self,
-        min: float,
-        max: float,
-        *,
-        min_open: bool = False,
-        max_open: bool = False,
-        endless: bool = False,
+        self, low: float, high: float, *, endless: bool = False, **open_ends: bool
     ) -> None:
-        super().__init__(min, max, min_open=min_open, max_open=max_open)
+        super().__init__(low, high, **open_ends)
         self.endless = endless
 
     def convert(
@@ -64,7 +60,7 @@ class Number(click.FloatRange):
         try:
             number = float(value)
         except ValueError:
-            self.fail(f"{value!r} is not a number", param, ctx)
+            number = math.nan
         if math.isnan(number):
             self.fail(f"{value!r} is not a number", param, ctx)
         if self.endless and number == math.inf:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import csv
 import io
 import math
+import os
 import re
-import stat
 import tomllib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -28,10 +28,7 @@ DECIMAL_COMMA = re.compile(r"^(\s*[-+]?\d*),(\d+(?:[eE][-+]?\d+)?\s*)$")
 
 def is_file(path: Path) -> bool:
     """Whether there is a regular file, for any path that a file may name."""
-    try:
-        return stat.S_ISREG(path.stat().st_mode)
-    except (OSError, ValueError):  # a name that is too long, or with a NUL in it
-        return False
+    return os.path.isfile(path)  # also where a name is too long, or has a NUL in it
 
 
 def check_file(path: Path, expected: str, most_bytes: int = MAX_BYTES) -> None:
@@ -51,15 +48,15 @@ def check_file(path: Path, expected: str, most_bytes: int = MAX_BYTES) -> None:
         )
 
 
-def read_text(path: Path) -> str:
+def read_text(path: Path, expected: str = "a text file") -> str:
     """The text of a UTF-8 file, without the byte order mark that spreadsheets put in front.
 
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, not text, or above 64 MB.
+        No such file (`expected` says what it should be), not text, or above 64 MB.
     """
-    check_file(path, "a text file")
+    check_file(path, expected)
     try:
         return path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError as error:
@@ -77,15 +74,15 @@ def in_file(path: Path, line: int | None = None) -> Iterator[None]:
         raise DataFormatError(str(error), path, line) from None
 
 
-def read_toml(path: Path) -> dict[str, Any]:
+def read_toml(path: Path, expected: str = "a text file") -> dict[str, Any]:
     """The tables of a TOML file.
 
     Raises
     ------
     MissingFileError, DataFormatError
-        No such file, not text, or not TOML.
+        No such file (`expected` says what it should be), not text, or not TOML.
     """
-    text = read_text(path)
+    text = read_text(path, expected)
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # huge numbers, deep nests are no TOML errors

@@ -25,66 +25,45 @@ from skinmap.report.vectors import Drawing, Mark, Shape, Stroke, Words
 from skinmap.summary import first_few
 
 CENTRED = {"start": 0, "middle": 1, "end": 2}
-Pair = tuple[int, object]  # group code and value
-# Handles in sheet.dxf, the tables and blocks that the release asks for around layers and entities.
-MODEL_SPACE, LAYERS, FREE = "1F", "35", 0x100
+FREE = 0x100  # the first handle that the tables and blocks of sheet.dxf do not use
 
 
 def drawing_dxf(drawing: Drawing) -> str:
     """Outlines as LWPOLYLINE, marks as CIRCLE and words as TEXT; y points up."""
-    layers = dict.fromkeys(["0", *(shape.layer for shape in drawing.shapes)])
+    templates = resources.files("skinmap.report").joinpath("sheet.dxf").read_text("ascii")
+    around, layer, *entities = templates.split("---\n")
+    names = dict.fromkeys(["0", *(shape.layer for shape in drawing.shapes)])
     handles = (f"{number:X}" for number in count(FREE))
-    records: list[Pair] = []
-    for name in layers:
-        records += [
-            (0, "LAYER"), (5, next(handles)), (330, LAYERS), (100, "AcDbSymbolTableRecord"),
-            (100, "AcDbLayerTableRecord"), (2, name), (70, 0), (62, 7), (6, "Continuous"),
-        ]  # fmt: skip
-    entities = [
-        pair for shape in drawing.shapes for pair in _entity(shape, next(handles), drawing.height)
-    ]
-    around = resources.files("skinmap.report").joinpath("sheet.dxf").read_text("ascii")
+    layers = "".join(layer.format(handle=next(handles), layer=_ascii(name)) for name in names)
+    shapes = (
+        _entity(shape, entities, drawing.height, handle=next(handles), layer=_ascii(shape.layer))
+        for shape in drawing.shapes
+    )
     return around.format(
-        width=drawing.width, height=drawing.height, count=len(layers),
-        layers=_text(records), entities=_text(entities),
+        width=drawing.width, height=drawing.height, count=len(names), layers=layers,
+        entities="".join(shapes),
     )  # fmt: skip
 
 
-def _text(pairs: Sequence[Pair]) -> str:
-    return "".join(f"{code}\n{_value(value)}\n" for code, value in pairs)
-
-
-def _entity(shape: Shape, handle: str, height: float) -> list[Pair]:
+def _entity(shape: Shape, templates: Sequence[str], height: float, **common: str) -> str:
     """A shape as an entity; pictures and pieces have none."""
-    common: list[Pair] = [(5, handle), (330, MODEL_SPACE), (100, "AcDbEntity"), (8, shape.layer)]
+    line, corner, circle, text = templates
     if isinstance(shape, Stroke):
-        own: list[Pair] = [
-            (0, "LWPOLYLINE"), *common, (100, "AcDbPolyline"), (90, len(shape.points)),
-            (70, int(shape.closed)),
-        ]  # fmt: skip
-        for x, y in shape.points:
-            own += [(10, float(x)), (20, height - float(y))]
-        return own
+        corners = "".join(corner.format(x=x, y=height - y) for x, y in shape.points.tolist())
+        number, closed = len(shape.points), int(shape.closed)
+        return line.format(count=number, closed=closed, corners=corners, **common)
     if isinstance(shape, Mark):
-        return [
-            (0, "CIRCLE"), *common, (100, "AcDbCircle"),
-            (10, shape.x), (20, height - shape.y), (30, 0.0), (40, shape.radius),
-        ]  # fmt: skip
+        return circle.format(x=shape.x, y=height - shape.y, radius=shape.radius, **common)
     if isinstance(shape, Words):
-        x, y = shape.x, height - shape.y
-        return [
-            (0, "TEXT"), *common, (100, "AcDbText"), (10, x), (20, y), (30, 0.0),
-            (40, 0.7 * shape.size), (1, shape.text), (72, CENTRED[shape.anchor]),
-            (11, x), (21, y), (31, 0.0), (100, "AcDbText"),
-        ]  # fmt: skip
-    return []
+        words, anchor = _ascii(shape.text), CENTRED[shape.anchor]
+        x, y, size = shape.x, height - shape.y, 0.7 * shape.size
+        return text.format(x=x, y=y, size=size, text=words, anchor=anchor, **common)
+    return ""
 
 
-def _value(value: object) -> str:
-    if isinstance(value, float):
-        return f"{value:.5f}"
-    # Other letters than ASCII as release 2000 writes them, line ends not at all.
-    text = "".join(one for one in str(value) if one.isprintable())
+def _ascii(words: str) -> str:
+    """Other letters than ASCII as release 2000 writes them, line ends not at all."""
+    text = "".join(one for one in words if one.isprintable())
     return "".join(one if one.isascii() else f"\\U+{ord(one):04X}" for one in text)
 
 

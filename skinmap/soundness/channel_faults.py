@@ -251,23 +251,20 @@ def _summed(found: list[Finding]) -> list[Finding]:
         return found
     channels = sorted({one for own in single for one in own.channels or ()})
     rows = sorted(span for own in single for span in own.rows or ())
-    seconds = sorted(span for own in single for span in own.seconds or ())
     text = f"{len(channels)} channels stand still for a while, such as {channels[0]}."
-    whole = replace(single[0], channels=channels, rows=rows, seconds=seconds or None, text=text)
+    whole = replace(single[0], channels=channels, rows=rows, text=text)
     return [one for one in found if one.kind != "stuck"] + [whole]
 
 
 def _joined(found: list[Finding]) -> list[Finding]:
     """Findings of the same kind and channels as one, with all their rows."""
-    by: dict[tuple[str, tuple[int, ...]], Finding] = {}
+    by: dict[tuple[str, tuple[int, ...]], list[Finding]] = {}
     for one in found:
-        key = (one.kind, tuple(one.channels or ()))
-        if key in by:
-            old = by[key]
-            seconds = None if old.seconds is None else sorted(old.seconds + (one.seconds or []))
-            one = replace(old, rows=sorted((old.rows or []) + (one.rows or [])), seconds=seconds)
-        by[key] = one
-    return list(by.values())
+        by.setdefault((one.kind, tuple(one.channels or ())), []).append(one)
+    return [
+        replace(own[0], rows=sorted(span for one in own for span in one.rows or []))
+        for own in by.values()
+    ]
 
 
 def _holds(survey: Survey, quiet: NDArray[np.bool_]) -> tuple[float, float]:
@@ -353,9 +350,9 @@ def _exact(survey: Survey, channel: int, first: int, last: int) -> tuple[int, in
     )
 
 
-def _windows(survey: Survey, most: int, calm: bool) -> NDArray[np.float64]:
-    """Rows (k, n) of cells spread over the recording, one after the other."""
-    cells = np.flatnonzero(survey.calm) if calm else np.arange(len(survey.mean))
+def _windows(survey: Survey, most: int) -> NDArray[np.float64]:
+    """Rows (c, k, n) of calm cells spread over the recording."""
+    cells = np.flatnonzero(survey.calm)
     wanted = max(most // survey.cell, 2)
     if len(cells) > wanted:
         cells = cells[np.linspace(0, len(cells) - 1, wanted).astype(int)]
@@ -377,7 +374,7 @@ def _copied(survey: Survey, bad: NDArray[np.bool_]) -> list[Finding]:
         if twin != channel and (survey.column(twin) == survey.column(channel)).all():
             pairs.add((twin, int(channel)))
     if len(lively) <= MOST_PAIRS and len(lively) > 1 and _restless(survey) > 0.5:
-        some = _windows(survey, int(np.clip(PAIR_ROWS / max(len(lively), 1) ** 2, 200, 8000)), True)
+        some = _windows(survey, int(np.clip(PAIR_ROWS / len(lively) ** 2, 200, 8000)))
         fast = np.diff(some[:, :, lively], axis=1).reshape(-1, len(lively))
         most = OUTLIER * np.maximum(survey.noise, survey.steps)[lively]
         fast = np.clip(fast, -most, most)  # one touch that begins is not noise

@@ -13,7 +13,7 @@ import numpy as np
 from skinmap.arrays import FloatArray
 from skinmap.rows import column, row
 from skinmap.soundness.channel_faults import channel_faults, episodes
-from skinmap.soundness.finding import Finding, Span
+from skinmap.soundness.finding import HARM, Finding, Span
 from skinmap.soundness.place_faults import place_faults
 from skinmap.soundness.rest_faults import rest_faults, session_offsets
 from skinmap.soundness.set_faults import set_faults, together
@@ -26,11 +26,6 @@ if TYPE_CHECKING:
 
 # Faults for which a model learns something else than touches, whatever it is trained on.
 FALSIFYING = ("duplicate", "order", "restart", "sign", "copied")
-# A leak, a wrong label, a swapped cable or a second use stays a fault: no mark takes it away.
-MARKED = (
-    "lost", "burst", "stamps", "dead", "stuck", "noisy", "clipped", "quantised", "repeated_id",
-    "copied", "sign", "module", "thermal", "drift", "rest", "place",
-)  # fmt: skip
 
 
 @row
@@ -208,7 +203,7 @@ def mend(track: Track) -> tuple[Track, list[str]]:
     marks = tuple(
         {"kind": one.kind, "channels": one.channels, "rows": one.rows, "text": one.text}
         for one in left
-        if one.kind in MARKED
+        if HARM[one.kind].get("mark")
     )
     done += [f"marked: {one['text']}" for one in marks]
     return replace(mended, marks=marks), done

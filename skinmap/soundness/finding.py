@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
@@ -19,34 +21,7 @@ Kind = Literal[
 KINDS: tuple[str, ...] = get_args(Kind)
 Span = list[int]
 MATTERS = 0.25  # harm from which a finding is more than a remark
-# Harm to whoever trains or measures (0 to 1), and the remedy.
-HARM: dict[str, tuple[float, str]] = {
-    "leak": (0.95, "record every label in several sessions, and test on sessions left out"),
-    "clocks": (0.9, "align the two clocks by the line given here before comparing them"),
-    "labels": (0.85, "look at these touches again with `skinmap label`"),
-    "wiring": (0.85, "exchange these channels in the map, or their wires"),
-    "repeated_recording": (0.8, "use one of the two, never both sides of a split"),
-    "order": (0.75, "sort the rows by time; --mend writes them so"),
-    "restart": (0.7, "treat the stretches as recordings of their own"),
-    "duplicate": (0.7, "drop the repeated rows; --mend writes a copy without them"),
-    "repeated_reference": (0.7, "find the true reference of one of the two"),
-    "sign": (0.65, "turn the sign of these channels, or leave them out"),
-    "module": (0.65, "check cable and board; leave these rows of the module out"),
-    "lost": (0.6, "treat what lies on both sides of each gap as separate stretches"),
-    "stuck": (0.6, "leave the channels out in these rows"),
-    "place": (0.6, "complete the table of taxels, or leave these channels out"),
-    "copied": (0.55, "leave one of each pair out"),
-    "repeated_id": (0.55, "correct the ids; only one channel of each id can be placed"),
-    "thermal": (0.55, "leave these channels out: they are not taxels"),
-    "dead": (0.5, "leave these channels out"),
-    "noisy": (0.5, "leave these channels out, or filter them"),
-    "clipped": (0.45, "treat readings at this value as a lower bound of the pressure"),
-    "drift": (0.45, "subtract a rest that follows the drift"),
-    "rest": (0.45, "subtract the rest of each stretch for itself"),
-    "stamps": (0.4, "take times from the sensor, or from the row number and the rate"),
-    "burst": (0.35, "spread these rows evenly in time"),
-    "quantised": (0.3, "expect no finer response than this step"),
-}
+HARM = tomllib.loads(Path(__file__).with_name("faults.toml").read_text(encoding="utf-8"))
 
 
 @row
@@ -89,8 +64,7 @@ def finding(
     **more: Any,
 ) -> Finding:
     """A finding with the usual harm and remedy of its kind."""
-    usual, do = HARM[kind]
-    harm = usual if harm is None else harm
+    harm = HARM[kind]["harm"] if harm is None else harm
     return Finding(
         kind=kind,
         channels=None if channels is None else sorted({int(one) for one in channels}),
@@ -99,7 +73,7 @@ def finding(
         harm=harm,
         matters=harm >= MATTERS,
         text=text,
-        do=more.pop("do", do),
+        do=more.pop("do", HARM[kind]["do"]),
         **more,
     )
 

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
-import re
 import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
@@ -25,10 +22,19 @@ from skinmap.errors import (
     SkinMismatchError,
     check_kind,
 )
-from skinmap.io.recordings.channel_table import SECONDS, channel_columns
+from skinmap.io.recordings.channel_table import (
+    SECONDS,
+    channel_columns,
+    first_of,
+    is_number,
+    table_columns,
+    text_rows,
+    whole_numbers,
+    words_of,
+)
 from skinmap.io.recordings.touch_files import Mapping as FileMapping
 from skinmap.io.recordings.touch_files import find_mapping, is_own_archive
-from skinmap.io.text import DECIMAL_COMMA, check_file
+from skinmap.io.text import check_file
 
 if TYPE_CHECKING:
     from skinmap.skin.robot import Robot
@@ -44,7 +50,6 @@ PRESSURE = {"pressure_bar": 1e5, "pressure_kpa": 1e3, "pressure_pa": 1.0}
 WORDS = {"label": "labels", "gesture": "labels", "session": "sessions", "person": "people"}
 UNITS = {1e-3: "milliseconds", 1e-6: "microseconds", 1e-9: "nanoseconds"}
 UNSURE = "seconds or milliseconds"
-THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+")
 QUICK, SLOW = 0.9, 2.05  # steps of 1 or 2 ms, or of seconds: skins send at both rates
 FAR = 10.0  # between parts of which no pose is known [m]
 TABLES = (".csv", ".tsv", ".txt")
@@ -228,22 +233,20 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
             f"`{name}` holds {values.dtype} of shape {values.shape}; numbers (t, n) expected", path
         )
     count, width = values.shape
-    times, unit = _times(_first(held, TIMES), values, path)
+    times, unit = _times(first_of(held, TIMES), values, path)
     if times is None and "first_columns" in held and held["first_columns"].ndim == 2:
         times, unit = _times(held["first_columns"][:, -1], values, path)
-    stretches = _whole(held.get("file_index"), "file_index", count, path)
-    events = _whole(_first(held, EVENTS), "events", count, path)
+    stretches = whole_numbers(held.get("file_index"), "file_index", count, path)
+    events = whole_numbers(first_of(held, EVENTS), "events", count, path)
     events = stretches if events is None else events
-    labels = _words(held.get("labels", held.get("file_class")))
-    words = {name: _words(held.get(name)) for name in ("sessions", "people")}
+    labels = words_of(held.get("labels", held.get("file_class")))
     if events is None and len(labels) == count:  # a label of each row
-        events, labels = _runs(labels)
-        begins = np.flatnonzero((events >= 0) & (np.diff(events, prepend=-1) != 0))
-        words = {
-            name: tuple(own[row] for row in begins) if len(own) == count else own
-            for name, own in words.items()
-        }
-    words = {name: _fitted(own, events, len(labels)) for name, own in words.items()}
+        events = _runs(labels)
+        labels = _fitted(labels, events)
+    words = {
+        name: _fitted(words_of(held.get(name)), events, len(labels))
+        for name in ("sessions", "people")
+    }
     _check_words(events, labels, words, path)
     reference = next((held[one] * scale for one, scale in PRESSURE.items() if one in held), None)
     if reference is not None and (reference.ndim != 1 or reference.dtype.kind not in "uif"):
@@ -258,7 +261,7 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
         values,
         times,
         unit,
-        _whole(_first(held, IDS), "channels", width, path),
+        whole_numbers(first_of(held, IDS), "channels", width, path),
         events,
         labels,
         words["sessions"],
@@ -273,14 +276,14 @@ def _from_arrays(path: Path, held: dict[str, NDArray[Any]]) -> Track:
     )
 
 
-def _fitted(own: tuple[str, ...], events: IntArray | None, labels: int) -> tuple[str, ...]:
-    """Words of a whole file, or of each of its rows, as one for each label."""
+def _fitted(own: tuple[str, ...], events: IntArray | None, labels: int = 0) -> tuple[str, ...]:
+    """Words of a whole file, or of each of its rows, as one for each label, or each event."""
     if labels and len(own) == 1:
         return own * labels
     if events is None or len(own) != len(events) or len(own) == labels:
         return own
     first = dict(zip(events[::-1].tolist(), own[::-1], strict=True))  # at each begin
-    return tuple(first.get(k, "") for k in range(labels))
+    return tuple(first.get(k, "") for k in range(labels or int(events.max(initial=-1)) + 1))
 
 
 def _check_words(
@@ -312,38 +315,19 @@ def _marks(found: NDArray[Any] | None, path: Path) -> tuple[dict[str, Any], ...]
         raise DataFormatError("its marks are damaged", path) from None
 
 
-def _first(held: Mapping[str, NDArray[Any]], names: tuple[str, ...]) -> NDArray[Any] | None:
-    return next((held[one] for one in names if one in held), None)
-
-
-def _words(found: NDArray[Any] | None) -> tuple[str, ...]:
-    return () if found is None else tuple(str(one).strip() for one in found.ravel().tolist())
-
-
 def _word(name: str, held: Mapping[str, NDArray[Any]]) -> str:
     """A word that a mended copy holds; other files may call anything by its name."""
     found = held.get(name) if "mended" in held else None
     alone = found is not None and found.dtype.kind == "U" and found.size == 1
-    return "".join(_words(found)) if alone else ""
+    return "".join(words_of(found)) if alone else ""
 
 
-def _runs(labels: tuple[str, ...]) -> tuple[IntArray, tuple[str, ...]]:
+def _runs(labels: tuple[str, ...]) -> IntArray:
     """Events of stretches of rows with the same label; an empty one is no touch."""
     keys = np.array(labels)
     touched = ~np.isin(keys, ("", "none", "nan", "-1", "rest"))
     begins = touched & np.append(True, keys[1:] != keys[:-1])
-    events = np.where(touched, np.cumsum(begins) - 1, -1)
-    return events, tuple(str(one) for one in keys[begins])
-
-
-def _whole(found: NDArray[Any] | None, name: str, count: int, path: Path) -> IntArray | None:
-    if found is None:
-        return None
-    if found.shape != (count,) or found.dtype.kind not in "buif":
-        raise DataFormatError(f"{name} of shape {found.shape}; ({count},) expected", path)
-    if found.dtype.kind == "f" and not (found == np.rint(found)).all():
-        raise DataFormatError(f"{name} holds fractions; whole numbers expected", path)
-    return found.astype(np.int64)
+    return np.where(touched, np.cumsum(begins) - 1, -1)
 
 
 def _times(
@@ -393,35 +377,22 @@ def _leaps(values: NDArray[Any]) -> bool:
 
 def _from_table(path: Path) -> Track:
     check_file(path, "a table of channels over time", MAX_BYTES)
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise DataFormatError(f"not a text file ({error.reason})", path) from None
-    lines = (line for line in io.StringIO(text) if line.strip() and not line.startswith("#"))
-    head = next(lines, None)
-    if head is None:
-        raise DataFormatError("empty", path)
-    counts = {one: head.count(one) for one in (",", ";", "\t")}
-    mark = max(counts, key=lambda one: counts[one])
-    split = mark if counts[mark] else " "
-    try:
-        heads = next(csv.reader([head], delimiter=split, skipinitialspace=True))
-    except csv.Error as error:
-        raise DataFormatError(f"not a table: {error}", path) from None
     mapping = find_mapping(path)
     columns = () if mapping is None else mapping.columns
-    names = list(columns) or [one.strip() for one in heads]
-    if not columns and all(_is_number(one) for one in names if one):
+    rows = text_rows(path, columns, thousands=False)
+    _, names = next(rows)
+    if not any(names):
+        raise DataFormatError("empty", path)
+    if not columns and all(is_number(one) for one in names if one):
         raise DataFormatError(
             "no header: a column `time` and a name for each channel expected", path
         )
-    rest = [head, *lines] if columns else list(lines)
-    if not rest:
-        raise DataFormatError("a header and no rows", path)
     known = _named_columns(mapping)
     beside = [k for k, one in enumerate(names) if one.lower() in (*known, *known.values())]
     numbers = [k for k in range(len(names)) if k not in beside]
-    table = _numbers_of(rest, numbers, len(names), split, path)
+    table, said = table_columns(rows, names, numbers, beside, path, gaps=True)
+    if not len(table):
+        raise DataFormatError("a header and no rows", path)
     lower = [names[k].lower() for k in numbers]
     ours: tuple[tuple[str, ...], ...] = (TIMES, EVENTS)
     if mapping is not None:
@@ -430,21 +401,17 @@ def _from_table(path: Path) -> Track:
     kept = [k for k in range(len(numbers)) if k not in (clock, event)]
     if mapping is not None and mapping.channels:
         kept = [k for k in kept if names[numbers[k]] in mapping.channels]
-    times, unit = _times(None if clock is None else table[:, clock], table[:, kept], path)
-    if mapping is not None and times is not None and mapping.time_unit is not None:
-        times, unit = table[:, clock] * SECONDS[mapping.time_unit], ""
-    words: dict[str, tuple[str, ...]] = {}
-    for k in beside:
-        said = tuple(line.rstrip("\n").split(split)[k].strip() for line in rest)
-        words[known.get(names[k].lower(), names[k].lower())] = said
-    events = None if event is None else _whole(table[:, event], "event", len(table), path)
-    found = {name: words.get(name, ()) for name in ("labels", "sessions", "people")}
-    if events is None and found["labels"]:
-        events, _ = _runs(found["labels"])
+    held: dict[str, NDArray[Any]] = {"samples": table[:, kept]}
+    held |= {known.get(names[k].lower(), names[k].lower()): np.array(o) for k, o in said.items()}
+    if clock is not None:
+        held["times"] = table[:, clock]
+    events = None if event is None else whole_numbers(table[:, event], "event", len(table), path)
     if events is not None:
-        first = [int(np.flatnonzero(events == k)[0]) if (events == k).any() else 0
-                 for k in range(int(events.max(initial=-1)) + 1)]  # fmt: skip
-        found = {name: tuple(own[k] for k in first) if own else () for name, own in found.items()}
+        held["events"] = events
+        held["labels"] = np.array(_fitted(words_of(held.get("labels")), events), np.str_)
+    track = _from_arrays(path, held)
+    if mapping is not None and clock is not None and mapping.time_unit is not None:
+        track = replace(track, times=table[:, clock] * SECONDS[mapping.time_unit], unit="")
     twice = {one for one in names if names.count(one) > 1}
     ids = np.array([names.index(names[numbers[k]]) for k in kept]) if twice else None
     if mapping is not None and ids is None:  # a mended copy has no columns with names
@@ -452,10 +419,7 @@ def _from_table(path: Path) -> Track:
             heads = [names[numbers[k]] for k in kept]
             own = channel_columns(heads, mapping, path)
             ids = np.array([own[one] for one in heads], np.int64)
-    return Track(
-        str(path), table[:, kept], times, unit, ids, events,
-        found["labels"], found["sessions"], found["people"], names=tuple(names) if twice else (),
-    )  # fmt: skip
+    return replace(track, ids=ids, names=tuple(names) if twice else ())
 
 
 def _named_columns(mapping: FileMapping | None) -> dict[str, str]:
@@ -465,55 +429,6 @@ def _named_columns(mapping: FileMapping | None) -> dict[str, str]:
     own = {"labels": mapping.label_column, "sessions": mapping.session_column,
            "people": mapping.person_column}  # fmt: skip
     return WORDS | {column.lower(): name for name, column in own.items() if column}
-
-
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
-def _numbers_of(
-    lines: list[str], columns: list[int], width: int, split: str, path: Path
-) -> FloatArray:
-    """Numbers of some columns, with decimal commas beside `;` and tabs; an empty cell is NaN."""
-    mark, commas = None if split == " " else split, split in (";", "\t")
-    if commas:
-        cells = [cell.strip() for line in lines[:1000] for cell in line.split(split)]
-        parted = [cell for cell in cells if "," in cell]
-        whole = any(cell.isdigit() and len(cell) > 2 for cell in cells)
-        if parted and whole and all(THOUSANDS.fullmatch(cell) for cell in parted):
-            raise DataFormatError(
-                f"{parted[0]!r} has a decimal comma or parted thousands: write it without", path
-            )
-    try:
-        words = [line.replace(",", ".") for line in lines] if commas else lines
-        found = np.loadtxt(words, delimiter=mark, usecols=columns, ndmin=2, comments=None)
-        if found.shape == (len(lines), len(columns)):
-            return found
-    except ValueError:
-        pass
-    rows = []
-    for number, cells in enumerate(_cells(lines, split, path)):
-        if commas:
-            cells = [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]
-        if len(cells) != width:
-            raise DataFormatError(f"row {number} has {len(cells)} values, {width} expected", path)
-        try:
-            rows.append([float(cells[k]) if cells[k].strip() else np.nan for k in columns])
-        except ValueError as error:
-            word = str(error).partition(": ")[2]
-            raise DataFormatError(f"row {number} holds {word}, not a number", path) from None
-    return np.array(rows, np.float64)
-
-
-def _cells(lines: list[str], split: str, path: Path) -> Iterator[list[str]]:
-    try:
-        yield from csv.reader(lines, delimiter=split, skipinitialspace=True)
-    except csv.Error as error:
-        raise DataFormatError(f"not a table: {error}", path) from None
 
 
 def tracks_of(recordings: Any, file: str = "recording", *, placed: bool = True) -> list[Track]:

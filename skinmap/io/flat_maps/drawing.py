@@ -24,26 +24,11 @@ CHANNELS_PER_ID = 12  # of an id that is not drawn
 MAX_IDS = 10_000
 MAX_MILLIMETRES = 1e5
 
-# Places of the palm's 48 slots in 0.1 mm, seen from outside: `y x` of channels 96 to 143 in
-# left_hand_V2_1.txt. The right palm has the same places in another order of channels. The files
-# do not say which point of the palm its `X Y` means: we take the mean of its tactile slots.
-# fmt: off
-_PALM = np.array([
-    [62, -94], [62, -49], [12, -94], [12, -49], [112, -49], [162, -59], [12, 1], [62, 1],
-    [112, 1], [162, -4], [212, -14], [259, -19], [217, -239], [122, -199], [62, -149], [12, -149],
-    [112, -149], [117, -104], [172, -219], [162, -164], [162, -114], [207, -139], [212, -189],
-    [177, -259], [-43, -99], [-113, -65], [-143, -49], [-193, -49], [-193, 1], [-243, 6],
-    [-143, 1], [-93, 1], [-93, -49], [-43, 1], [-43, -49], [-163, -79], [122, -254], [172, -319],
-    [122, -304], [142, -354], [72, -304], [92, -349], [72, -254], [112, -384], [22, -304],
-    [22, -254], [22, -204], [72, -204],
-])
-_RIGHT_SLOTS = [
-    10, 9, 8, 7, 4, 5, 6, 3, 1, 2, 0, 11, 12, 22, 21, 20, 17, 16, 18, 19, 15, 14, 13, 23,
-    31, 30, 28, 29, 26, 27, 25, 33, 32, 34, 24, 35, 45, 44, 40, 41, 39, 38, 42, 43, 37, 36, 47, 46,
-]
-# fmt: on
+# The files do not say which point of the palm its `X Y` means: we take the mean of its tactile
+# slots.
+_PALM = np.loadtxt(Path(__file__).with_name("palm.csv"), int, delimiter=",")
 _PALM_TACTILE = np.setdiff1d(np.arange(48), [11, 23, 35, 43])  # the others are thermal pads
-_PALM_XY = 1e-4 * (_PALM - _PALM[_PALM_TACTILE].mean(axis=0))
+_PALM_XY = 1e-4 * (_PALM[:, :2] - _PALM[_PALM_TACTILE, :2].mean(axis=0))
 
 
 def _tactile(name: str) -> tuple[IntArray, FloatArray]:
@@ -56,7 +41,7 @@ PLACES = {
     "triangle": _tactile("triangle_12pad"),
     "triangle_10pad": _tactile("triangle_10pad"),
     "palmL": (_PALM_TACTILE, _PALM_XY[_PALM_TACTILE]),
-    "palmR": (_PALM_TACTILE, _PALM_XY[_RIGHT_SLOTS][_PALM_TACTILE]),
+    "palmR": (_PALM_TACTILE, _PALM_XY[_PALM[_PALM_TACTILE, 2]]),
 }
 # Type: channels it takes. The position files of the hands tell those of the fingertips: five times
 # twelve channels, then three ids that are not drawn, then the palm at channel 96.
@@ -79,8 +64,6 @@ class Drawing:
         Channel div 12, as in the position files.
     xy : (n, 2) float
         [m], y up.
-    placed : tuple of str
-        Types that could be placed, each once.
     skipped : tuple of str
         What was left out: line, type, id and why.
     """
@@ -88,7 +71,6 @@ class Drawing:
     channels: IntArray
     modules: IntArray
     xy: FloatArray
-    placed: tuple[str, ...] = ()
     skipped: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -135,7 +117,6 @@ def read_drawing(path: Path) -> Drawing:
     modules, skipped = _without_duplicates(_modules(path))
     channels: list[IntArray] = []
     places: list[FloatArray] = []
-    placed: dict[str, None] = {}
     lost = ""  # the type whose size is not known, once there was one
     next_channel, next_id = 0, 0
     for module in modules:
@@ -147,7 +128,6 @@ def read_drawing(path: Path) -> Drawing:
             slots, xy = PLACES[module.type]
             channels.append(start + slots)
             places.append(_moved(xy, module))
-            placed[module.type] = None
         if module.type not in CHANNELS:
             lost = lost or f"{module.type} {module.id}"
     notes = tuple(note for _, note in sorted(skipped))
@@ -156,9 +136,7 @@ def read_drawing(path: Path) -> Drawing:
     if notes:
         warn(f"{path}: left out {'; '.join(notes)}")
     numbers = np.concatenate(channels)
-    return Drawing(
-        numbers, numbers // CHANNELS_PER_ID, np.concatenate(places), tuple(placed), notes
-    )
+    return Drawing(numbers, numbers // CHANNELS_PER_ID, np.concatenate(places), notes)
 
 
 def _modules(path: Path) -> list[_Module]:

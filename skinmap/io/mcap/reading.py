@@ -103,6 +103,9 @@ class Index:
         whole = scan_index(path) if trusted else None
         if whole is None:
             self.found = scan(path, self._take)
+            missing = self.found.stated - sum(map(len, self.channels.values()))
+            if missing > 0 and not self.found.damage:  # a bit turned a record into another kind
+                self.found.damage.append(f"{missing} messages fewer than the file states")
             return
         self.found, self.chunks, places = whole
         for channel, (pairs, chunks) in places.items():

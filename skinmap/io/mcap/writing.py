@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap import __version__
-from skinmap.errors import OutputError, SkinMismatchError
+from skinmap.errors import OutputError, SkinMismatchError, check_known
 from skinmap.io.mcap.mcap_scan import MAGIC, WHOLE
 from skinmap.io.recordings.recorded_stream import (
     NS,
@@ -250,6 +250,9 @@ TOPICS: dict[tuple[Kind, ros2.Number], str] = {
     ("pressure", "Float32"): "/skin/pressure_float",
 }
 TABLES = "skin/"  # attachments: skin/<part>.csv
+# What the head has of a recording in a word each.
+WORDS = dict.fromkeys(("name", "robot", "manifest", "session", "person", "continues"), "")
+WORDS["clock"] = "recording"
 
 
 class McapRecording:
@@ -264,21 +267,21 @@ class McapRecording:
         Columns of each part, for each kind of values that will be written.
     rate : float
         Nominal samples a second; 0 where they come when they like.
-    name, robot, manifest, clock : str
     fingerprints : mapping of str to str
         Of the skins, where no skin is given.
     skins : mapping of str to Skin
         Written into the file, so that it explains itself.
     samples : mapping of str to int
         How many of the first samples each part really has, where parts differ.
-    session, person : str
-        Of all touches that do not say otherwise.
     chunk_seconds : float
         Most that a killed process may lose.
     model : Robot, optional
         What ROS 2's tools draw: its description, transforms, and clouds of its taxels are written.
     points_hz : float
         Clouds a second at most; `inf` one with every sample, 0 none.
+    **words : str
+        `WORDS` of the head: `name`, `robot`, `manifest` and `clock`, `session` and `person` of all
+        touches that do not say otherwise, and `continues`, the file that this one goes on from.
 
     Raises
     ------
@@ -293,20 +296,15 @@ class McapRecording:
         parts: Sequence[str],
         widths: Mapping[Kind, Sequence[int]],
         rate: float = 0.0,
-        name: str = "",
-        robot: str = "",
-        manifest: str = "",
-        clock: str = "recording",
         fingerprints: Mapping[str, str] | None = None,
         skins: Mapping[str, Skin] | None = None,
         samples: Mapping[str, int] | None = None,
-        session: str = "",
-        person: str = "",
         chunk_seconds: float = CHUNK_SECONDS,
         model: Robot | None = None,
         points_hz: float = POINTS_HZ,
-        continues: str = "",
+        **words: str,
     ) -> None:
+        check_known("word of a recording", words, WORDS)
         self.path = path
         self.samples: dict[Kind, int] = dict.fromkeys(widths, 0)
         self._widths = {kind: tuple(each) for kind, each in widths.items()}
@@ -319,20 +317,15 @@ class McapRecording:
         known |= {part: fingerprint(skin) for part, skin in (skins or {}).items()}
         head = {
             "format": FORMAT,
-            "name": name,
-            "robot": robot,
-            "manifest": manifest,
             "rate": repr(float(rate)),
-            "clock": clock,
             "began": datetime.now(UTC).isoformat(timespec="seconds"),
             "chunk_seconds": repr(chunk_seconds),
             "parts": json.dumps(list(parts)),
             "widths": json.dumps(self._widths),
             "fingerprints": json.dumps(known),
             "samples": json.dumps(dict(samples or {})),
-            "session": session,
-            "person": person,
-            "continues": continues,
+            **WORDS,
+            **words,
         }
         self._head = head
         try:

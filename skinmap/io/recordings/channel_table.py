@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, islice
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from skinmap.touch.recording import Recording, check_label
 Numbered = Literal["channel", "id", "count"]
 MAX_BYTES = 2**30  # a table is read whole
 SECONDS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+THOUSANDS = re.compile(r"[+-]?\d{1,3}(,\d{3})+")
 NUMBER = re.compile(r"\D*([0-9]+)")  # ch12, taxel_12, 12
 MAX_SECONDS = 2.0**34  # as recordings of ours hold at most
 APART = 1.0  # seconds between stretches whose times begin anew
@@ -228,11 +229,13 @@ def read_table(path: Path) -> list[Recording]:
     """
     check_file(path, "a table of channels over time", MAX_BYTES)
     mapping = needed_mapping(path)
-    rows = _rows(path, mapping)
-    names = next(rows)
+    rows = text_rows(path, mapping.columns)
+    _, names = next(rows)
+    if twice := [name for name, count in Counter(names).items() if count > 1]:
+        raise DataFormatError(f"columns given twice: {first_few(twice, FEW)}", path)
     words = (mapping.label_column, mapping.person_column, mapping.session_column)
-    own = {mapping.time, mapping.event_column, *words}
-    channels = channel_columns([name for name in names if name not in own], mapping, path)
+    others = {mapping.time, mapping.event_column, *words}
+    channels = channel_columns([name for name in names if name not in others], mapping, path)
     place = {name: k for k, name in enumerate(names)}
     for name in (*words, mapping.event_column, None if mapping.rate_hz else mapping.time):
         if name is not None and name not in place:
@@ -241,84 +244,125 @@ def read_table(path: Path) -> list[Recording]:
             )
     beside = [name for name in (mapping.time, mapping.event_column) if name in place]
     columns = [place[name] for name in (*channels, *beside) if name is not None]
-    said: list[list[str] | None] = [None if name is None else [] for name in words]
-    held, known = array("d"), dict[str, str]()  # a word takes ten times the memory of its number
-    for number, row in enumerate(rows):
-        try:
-            for column in columns:
-                held.append(float(row[column]))
-        except ValueError:
-            line = _line_of(number, mapping, path)
-            raise DataFormatError(
-                f"sample {number} holds {row[column]!r}, no number, in column {names[column]!r} "
-                f"(line {line})",
-                path,
-            ) from None
-        for name, told in zip(words, said, strict=True):
-            if name is not None and told is not None:
-                word = row[place[name]]
-                told.append(known.setdefault(word, word))
-    table = np.frombuffer(held).reshape(-1, len(columns))
-    values, others = table[:, : len(channels)], table[:, len(channels) :]
-    count = len(table)
+    table, said = table_columns(rows, names, columns, [place[one] for one in words if one], path)
+    if not len(table):
+        raise DataFormatError("no samples", path)
+    held: dict[str, NDArray[Any]] = {"values": table[:, : len(channels)]}
+    held["channels"] = np.array(list(channels.values()), np.int64)
     if mapping.time in place:
-        times = others[:, 0] * SECONDS[mapping.time_unit or "s"]
-    else:
-        times = np.arange(count) / (mapping.rate_hz or 1.0)
+        held["times"] = table[:, len(channels)]
     numbers = None
     if mapping.event_column is not None:
-        if not (np.abs(others[:, -1]) <= MAX_CHANNEL).all():
-            raise DataFormatError(
-                f"{mapping.event_column} holds a value that is not the number of a touch", path
-            )
-        numbers = others[:, -1].astype(np.int64)
-    events, first = _events(said[0], numbers, mapping.label_of(path), count)
-    labels = said[0] or [mapping.label_of(path)] * count
-    people, sessions = (
-        () if column is None else tuple(column[row] for row in first) for column in said[1:]
-    )
-    found = ChannelTable(
-        times,
-        values,
-        np.array(list(channels.values()), np.int64),
-        events,
-        tuple(labels[row] for row in first),
-        sessions,
-        people,
-    )
-    return [recording_of(found, mapping, path)]
+        numbers = whole_numbers(table[:, -1], mapping.event_column, len(table), path)
+    told, people, sessions = (said[place[one]] if one else None for one in words)
+    held["events"], first = _events(told, numbers, mapping.label_of(path), len(table))
+    for name, own in (("labels", told), ("people", people), ("sessions", sessions)):
+        if own is not None:
+            held[name] = np.array([own[row] for row in first], np.str_)
+    return [recording_of(_table_of(held, mapping, path), mapping, path)]
 
 
-def _rows(path: Path, mapping: Mapping) -> Iterator[list[str]]:
-    """Names of the columns, then the words of each sample."""
+def text_rows(
+    path: Path, columns: Sequence[str] = (), *, thousands: bool = True
+) -> Iterator[tuple[int, list[str]]]:
+    """Names of the columns of a table, then line and words of each row.
+
+    Lines that begin with `#` are left aside. Beside `;`, tabs and blanks a comma is a decimal one.
+
+    Parameters
+    ----------
+    path : Path
+    columns : sequence of str
+        Names of a table without a header.
+    thousands : bool
+        Whether commas that may part thousands are taken for decimal ones.
+
+    Raises
+    ------
+    DataFormatError
+        Not a table, a row of another length, or thousands.
+    """
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
-            head = next((line for line in file if line.strip() and line[0] != "#"), "").strip()
-            # A comma comes late: beside another sign it may be that of a number.
-            delimiter = next((one for one in (";", "\t", ",", " ") if one in head), ",")
-            file.seek(0)
-            lines = (line for line in file if line.strip() and not line.startswith("#"))
-            table = (
-                [cell.strip() for cell in row] for row in csv.reader(lines, delimiter=delimiter)
+            lines = (
+                "" if line.startswith("#") or not line.strip() else line.strip(" \r\n")
+                for line in file
             )
-            names = list(mapping.columns) if mapping.columns else next(table, [])
-            twice = [name for name, count in Counter(names).items() if count > 1]
-            if twice:
-                raise DataFormatError(f"columns given twice: {first_few(twice, FEW)}", path)
-            first = next(table, None)
-            if first is None:
-                raise DataFormatError("no samples", path)
-            yield names
-            for number, row in enumerate(chain([first], table)):
+            before, head = next(((k, line) for k, line in enumerate(lines) if line), (0, ""))
+            # A comma comes late: beside another sign it may be that of a number.
+            signs = (one for one in (";", "\t", ",", " ") if one in head.replace(",\t", ","))
+            delimiter = next(signs, ",")
+            reader = csv.reader(chain([head], lines), delimiter=delimiter, skipinitialspace=True)
+            names = list(columns) or [cell.strip() for cell in next(reader)]
+            yield before + 1, names
+            table = ((before + reader.line_num, row) for row in reader if row)
+            begin = list(islice(table, LOOKED_AT))
+            if not thousands and delimiter != ",":
+                _refuse_thousands(begin, path)
+            for number, (line, row) in enumerate(chain(begin, table)):
                 if len(row) != len(names):
                     raise DataFormatError(
                         f"sample {number} has {len(row)} values for {len(names)} columns", path
                     )
                 if delimiter != "," and any("," in cell for cell in row):
                     row = [DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in row]
-                yield row
+                yield line, row
     except (UnicodeDecodeError, csv.Error) as error:
         raise DataFormatError(f"not a table: {error}", path) from None
+
+
+def _refuse_thousands(rows: Iterable[tuple[int, list[str]]], path: Path) -> None:
+    cells = [cell.strip() for _, row in rows for cell in row]
+    parted = [cell for cell in cells if "," in cell]
+    whole = any(cell.isdigit() and len(cell) > 2 for cell in cells)
+    if parted and whole and all(THOUSANDS.fullmatch(cell) for cell in parted):
+        raise DataFormatError(
+            f"{parted[0]!r} has a decimal comma or parted thousands: write it without", path
+        )
+
+
+def table_columns(
+    rows: Iterable[tuple[int, list[str]]],
+    names: Sequence[str],
+    numbers: Sequence[int],
+    words: Sequence[int],
+    path: Path,
+    *,
+    gaps: bool = False,
+) -> tuple[FloatArray, dict[int, list[str]]]:
+    """Numbers (t, n) of some columns of `text_rows`, and words of others by their place.
+
+    With `gaps` an empty cell is NaN, else DataFormatError as any other word.
+    """
+    held, count = array("d"), 0  # a word takes ten times the memory of its number
+    said: dict[int, list[str]] = {k: [] for k in words}
+    known: dict[str, str] = {}
+    for count, (line, row) in enumerate(rows, 1):
+        try:
+            held.extend([float(row[k]) for k in numbers])
+        except ValueError:
+            cells = {k: row[k].strip() or "nan" * gaps for k in numbers}
+            for k, cell in cells.items():
+                if not is_number(cell):
+                    raise DataFormatError(
+                        f"sample {count - 1} holds {row[k]!r}, no number, in column {names[k]!r} "
+                        f"(line {line})",
+                        path,
+                    ) from None
+            held.extend(map(float, cells.values()))
+        for k, told in said.items():
+            word = row[k].strip()
+            told.append(known.setdefault(word, word))
+    return np.frombuffer(held).reshape(count, len(numbers)), said
+
+
+def is_number(word: str) -> bool:
+    """Whether Python takes a word for a number."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict[str, int]:
@@ -342,13 +386,6 @@ def channel_columns(names: Sequence[str], mapping: Mapping, path: Path) -> dict[
     return {name: int(match[1][:DIGITS]) for name, match in found.items() if match is not None}
 
 
-def _line_of(number: int, mapping: Mapping, path: Path) -> int:
-    """Line of a sample in its file, from 1."""
-    with path.open(encoding="utf-8-sig") as file:
-        lines = (k for k, line in enumerate(file, 1) if line.strip() and line[0] != "#")
-        return next(islice(lines, number + (not mapping.columns), None))
-
-
 def _events(
     labels: list[str] | None, numbers: IntArray | None, label: str, count: int
 ) -> tuple[IntArray, list[int]]:
@@ -358,18 +395,12 @@ def _events(
     """
     if numbers is None and labels is None:
         return (np.zeros(count, np.int64), [0]) if label else (np.full(count, -1), [])
-    touched = np.ones(count, bool)
-    keys: IntArray = np.zeros(count, np.int64)
-    if labels is not None:
-        touched &= np.array([bool(word) for word in labels])
-        kinds = {word: k for k, word in enumerate(dict.fromkeys(labels))}
-        keys = np.array([kinds[word] for word in labels], np.int64)
+    words = np.array(labels or [])
+    touched = np.ones(count, bool) if labels is None else words != ""
     if numbers is not None:
-        touched &= numbers >= 0
-        keys = numbers
-    changes = np.ones(count, bool)
-    changes[1:] = (keys[1:] != keys[:-1]) | ~touched[:-1]
-    begins = touched & changes
+        touched = touched & (numbers >= 0)
+    keys = words if numbers is None else numbers
+    begins = touched & np.append(True, (keys[1:] != keys[:-1]) | ~touched[:-1])
     return np.where(touched, np.cumsum(begins) - 1, -1), np.flatnonzero(begins).tolist()
 
 
@@ -399,8 +430,8 @@ ARRAYS = (
 )  # fmt: skip
 
 
-def _table_of(arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Path) -> ChannelTable:
-    values = arrays.get("values", arrays.get("samples"))
+def _table_of(arrays: dict[str, NDArray[Any]], mapping: Mapping, path: Path) -> ChannelTable:
+    values = first_of(arrays, ("values", "samples"))
     if values is None or values.ndim != 2 or values.dtype.kind not in "uif":
         raise DataFormatError("no table of numbers `values` or `samples`, one row a sample", path)
     count, width = values.shape
@@ -411,36 +442,57 @@ def _table_of(arrays: dict[str, NDArray[np.generic]], mapping: Mapping, path: Pa
         times = np.arange(count) / mapping.rate_hz
     else:
         raise DataFormatError("no `times` (t,): name them, or give rate_hz in its mapping", path)
-    channels = arrays.get("channels", arrays.get("taxel_ids", np.arange(width)))
+    if times.shape != (count,):
+        raise DataFormatError(f"times of shape {times.shape}, expected ({count},)", path)
+    channels = whole_numbers(first_of(arrays, ("channels", "taxel_ids")), "channels", width, path)
     numbered: Numbered = "id" if "taxel_ids" in arrays else "count"
-    numbered = "channel" if "channels" in arrays else numbered
-    stretches = arrays.get("file_index")
     label = mapping.label_of(path)
-    events = arrays.get("events", stretches)
-    events = np.full(count, 0 if label else -1) if events is None else events
-    labels = [str(word) for word in arrays.get("labels", arrays.get("file_class", np.array([])))]
-    for name, whole in (("channels", channels), ("events", events)):
-        if whole.dtype.kind not in "iu" or whole.ndim != 1:
-            raise DataFormatError(f"{name} are not a list of whole numbers", path)
+    stretches = whole_numbers(arrays.get("file_index"), "file_index", count, path)
+    events = whole_numbers(arrays.get("events"), "events", count, path)
+    if events is None:
+        events = np.full(count, 0 if label else -1) if stretches is None else stretches
     kinds = min(int(np.max(events, initial=-1)) + 1, count)
-    labels = labels or [label] * kinds
-    for name, held, length in (
-        ("times", times, count), ("channels", channels, width), ("events", events, count),
-        ("labels", labels, kinds),
-    ):  # fmt: skip
-        if np.shape(held) != (length,) and not (name == "labels" and len(held) > length):
-            raise DataFormatError(f"{name} of shape {np.shape(held)}, expected ({length},)", path)
+    labels = words_of(first_of(arrays, ("labels", "file_class"))) or (label,) * kinds
+    if len(labels) < kinds:
+        raise DataFormatError(f"{len(labels)} labels for {kinds} events", path)
     return ChannelTable(
         times,
         values.astype(np.float64),
-        channels.astype(np.int64),
-        events.astype(np.int64),
-        tuple(labels),
-        tuple(map(str, arrays.get("sessions", ()))),
-        tuple(map(str, arrays.get("people", ()))),
-        None if stretches is None else stretches.astype(np.int64),
-        numbered,
+        np.arange(width) if channels is None else channels,
+        events,
+        labels,
+        words_of(arrays.get("sessions")),
+        words_of(arrays.get("people")),
+        stretches,
+        "channel" if "channels" in arrays else numbered,
     )
+
+
+def first_of(held: dict[str, NDArray[Any]], names: Sequence[str]) -> NDArray[Any] | None:
+    """The first array that is there of some names."""
+    return next((held[one] for one in names if one in held), None)
+
+
+def words_of(found: NDArray[Any] | None) -> tuple[str, ...]:
+    """The items of an array as words; none without it."""
+    return () if found is None else tuple(str(one).strip() for one in found.ravel().tolist())
+
+
+def whole_numbers(found: NDArray[Any] | None, name: str, count: int, path: Path) -> IntArray | None:
+    """An array (count,) of whole numbers; None without it.
+
+    Raises
+    ------
+    DataFormatError
+        Another shape or type, or fractions.
+    """
+    if found is None:
+        return None
+    if found.shape != (count,) or found.dtype.kind not in "buif":
+        raise DataFormatError(f"{name} of shape {found.shape}; ({count},) expected", path)
+    if found.dtype.kind == "f" and not ((found == np.rint(found)) & (abs(found) < 2**53)).all():
+        raise DataFormatError(f"{name} holds fractions; whole numbers expected", path)
+    return found.astype(np.int64)
 
 
 ERROR = 43_000  # values from here on are a sensor's error codes
@@ -467,23 +519,22 @@ def read_cyskin_text(path: Path) -> list[Recording]:
     mapping = needed_mapping(path)
     try:
         with path.open(encoding="utf-8") as file:
-            lines = (
-                (number, line.split())
-                for number, line in enumerate(file, 1)
-                if line.strip() and not line.startswith("#")
-            )
+            lines = (line for line in file if line.strip() and not line.startswith("#"))
             begin = list(islice(lines, 2))
             if len(begin) < 2:
                 raise DataFormatError("no samples", path)
-            width = len(begin[0][1])
-            heads = all(word.isascii() and word.isdigit() for word in begin[0][1])
-            heads = heads and len(begin[1][1]) == width + LEAD
-            samples = chain(begin[heads:], lines)
-            rows = _numbers(samples, width + LEAD * heads, path)
+            ids, sample = (line.split() for line in begin)
+            heads = all(word.isascii() and word.isdigit() for word in ids)
+            heads = heads and len(sample) == len(ids) + LEAD
+            rows = np.loadtxt(chain(begin[heads:], lines), comments=None, ndmin=2)
     except UnicodeDecodeError as error:
         raise DataFormatError(f"not a text file ({error.reason})", path) from None
+    except ValueError as error:
+        if isinstance(error, DataFormatError):
+            raise
+        raise DataFormatError(f"not a CySkin recording: {error}", path) from None
     if heads:
-        channels = [min(int(word[:DIGITS]), MAX_CHANNEL + 1) for word in begin[0][1]]
+        channels = [min(int(word[:DIGITS]), MAX_CHANNEL + 1) for word in ids]
         values = rows[:, LEAD:]
     else:
         pairs = rows[:, LEAD:]
@@ -491,30 +542,13 @@ def read_cyskin_text(path: Path) -> list[Recording]:
             raise DataFormatError(
                 "neither a line of ids and then samples, nor samples of ids and values in turn",
                 path,
-                begin[0][0],
             )
         if not ((pairs[0, ::2] >= 0) & (pairs[0, ::2] <= MAX_CHANNEL)).all():
-            raise DataFormatError("ids that are not numbers of taxels", path, begin[0][0])
+            raise DataFormatError("ids that are not numbers of taxels", path)
         channels, values = pairs[0, ::2].astype(np.int64).tolist(), pairs[:, 1::2]
-    label = mapping.label_of(path)
-    table = ChannelTable(
-        rows[:, 1],
-        np.where(values >= ERROR, 0.0, values),
-        np.array(channels, np.int64),
-        np.full(len(rows), 0 if label else -1),
-        (label,) if label else (),
-        numbered="id",
-    )
-    return [recording_of(table, mapping, path)]
-
-
-def _numbers(lines: Iterable[tuple[int, list[str]]], width: int, path: Path) -> np.ndarray:
-    found = array("d")  # a word takes ten times the memory of its number
-    for number, words in lines:
-        if len(words) != width:
-            raise DataFormatError(f"{len(words)} words, expected {width}", path, number)
-        try:
-            found.extend(map(float, words))
-        except ValueError as error:
-            raise DataFormatError(str(error), path, number) from None
-    return np.frombuffer(found).reshape(-1, width)
+    held = {
+        "values": np.where(values >= ERROR, 0.0, values),
+        "times": rows[:, 1],
+        "taxel_ids": np.array(channels, np.int64),
+    }
+    return [recording_of(_table_of(held, mapping, path), mapping, path)]

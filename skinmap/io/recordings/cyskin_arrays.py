@@ -69,10 +69,14 @@ def read_pressed(arrays: Path, patch: Path) -> PressedSkin:
     check_file(arrays, "an archive of samples (.npz)", MAX_BYTES)
     table = read_cyskin_taxels(patch)
     held = {name: _numbers(array, name, arrays) for name, array in read_arrays(arrays).items()}
-    values, ids = _needed(held, "values", 2, arrays), _needed(held, "taxel_ids", 1, arrays)
-    if len(values) == 0 or len(ids) != values.shape[1]:
+    for name in ("values", "taxel_ids"):
+        if name not in held:
+            there = ", ".join(sorted(held)) or "none"
+            raise DataFormatError(f"no array {name!r}; its arrays: {there}", arrays)
+    values, ids = held["values"], held["taxel_ids"]
+    if values.ndim != 2 or len(values) == 0 or ids.shape != values.shape[1:]:
         raise DataFormatError(
-            f"values of shape {values.shape} for {len(ids)} taxel_ids; one column each", arrays
+            f"values of shape {values.shape}, taxel_ids {ids.shape}; one column each", arrays
         )
     columns, unplaced, _ = columns_of(ids.astype(np.int64), table)
     if not (columns >= 0).any():
@@ -108,15 +112,6 @@ def _numbers(array: NDArray[Any], name: str, path: Path) -> NDArray[Any]:
     if array.dtype.kind not in "buif" or not np.isfinite(array).all():
         raise DataFormatError(f"{name} must hold finite numbers", path)
     return np.asarray(array, np.float64)
-
-
-def _needed(held: dict[str, NDArray[Any]], name: str, ndim: int, path: Path) -> FloatArray:
-    if name not in held:
-        there = ", ".join(sorted(held)) or "none"
-        raise DataFormatError(f"no array {name!r}; its arrays: {there}", path)
-    if held[name].ndim != ndim:
-        raise DataFormatError(f"{name} must have {ndim} dimensions, has {held[name].ndim}", path)
-    return held[name]
 
 
 def _each(

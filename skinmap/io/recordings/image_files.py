@@ -139,8 +139,6 @@ def _of_arrays(path: Path) -> LabelledImages:
 
 
 def _picture(path: Path) -> NDArray[np.uint8]:
-    if not path.exists():
-        raise MissingFileError(path, "a contact image")
     pillow = import_optional("PIL.Image", NEED)
     try:
         with pillow.open(path) as file:

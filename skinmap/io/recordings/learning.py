@@ -273,12 +273,10 @@ def _motion(arrays: Any, part: str, event: int) -> TrueMotion | None:
     return TrueMotion.from_arrays({name: arrays[start + name] for name in names})
 
 
-VERSION = "v3.0"
 DATA = "data/chunk-000/file-000.parquet"
 EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 NO_TOUCH = "no touch"
 PRESSURES, STATE, TIME = "observation.tactile", "observation.state", "observation.time"
-FILE_MB, VIDEO_MB, CHUNK = 100, 200, 1000  # LeRobot's own limits of files and folders
 COUNTERS = ("frame_index", "episode_index", "index", "task_index")
 
 
@@ -477,38 +475,25 @@ def _episode(
 def _task_table(tasks: list[str], pa: Any) -> Any:
     """The tasks by number; pandas, which LeRobot reads it with, takes the words for its index."""
     table = pa.table({"task_index": list(range(len(tasks))), "task": tasks})
-    about_columns = {
-        "index_columns": ["task"],
-        "column_indexes": [],
-        "columns": [
-            {"name": name, "field_name": name, "pandas_type": kind, "numpy_type": numpy,
-             "metadata": None}
-            for name, kind, numpy in (
-                ("task_index", "int64", "int64"), ("task", "unicode", "object"),
-            )
-        ],
-    }  # fmt: skip
-    return table.replace_schema_metadata({b"pandas": json.dumps(about_columns).encode()})
+    return table.replace_schema_metadata({b"pandas": json.dumps(_fixed("pandas")).encode()})
 
 
 def _info(
     track: RecordedStream, fps: int, tasks: int, features: Mapping[str, Any]
 ) -> dict[str, Any]:
-    return {
-        "codebase_version": VERSION,
+    return _fixed("info") | {
         "robot_type": track.info.robot,
-        "total_episodes": 1,
         "total_frames": len(track.times),
         "total_tasks": tasks,
-        "chunks_size": CHUNK,
-        "data_files_size_in_mb": FILE_MB,
-        "video_files_size_in_mb": VIDEO_MB,
         "fps": fps,
-        "splits": {"train": "0:1"},
-        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet",
-        "video_path": None,
         "features": dict(features),
     }
+
+
+def _fixed(name: str) -> dict[str, Any]:
+    """What of a file is the same in all data sets: version and limits, columns of the tasks."""
+    held = json.loads(Path(__file__).with_name("lerobot.json").read_text(encoding="utf-8"))
+    return dict(held[name])
 
 
 def _skin(track: RecordedStream) -> dict[str, Any]:

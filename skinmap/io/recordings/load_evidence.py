@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,6 +15,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite
 from skinmap.errors import DataFormatError, InvalidArrayError, MessageError
 from skinmap.io.mcap.reading import Content, Index, Messages, read_track
 from skinmap.io.mcap.writing import METADATA
+from skinmap.io.recordings.channel_table import table_columns, text_rows
 from skinmap.io.ros2.messages import nanoseconds_of, read
 from skinmap.io.text import check_file, in_file
 from skinmap.touch.load_calibration import rate_of_times
@@ -326,17 +326,11 @@ def _columns(
 
 def _table(path: Path) -> dict[str, NDArray[Any]]:
     """A column `time`, one reference perhaps, and every other column a channel."""
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
-            names = [name.strip() for name in next(csv.reader(file), [])]
-            rows = [line for line in file if line.strip()]
-        if not rows:
-            raise DataFormatError("a table without rows", path)
-        values = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2)
-    except (ValueError, UnicodeDecodeError, csv.Error) as error:
-        raise DataFormatError(f"not a table of numbers: {str(error)[:200]}", path) from None
-    if values.shape[1] != len(names):
-        raise DataFormatError(f"{len(names)} columns are named, rows have {values.shape[1]}", path)
+    rows = text_rows(path)
+    _, names = next(rows)
+    values, _ = table_columns(rows, names, range(len(names)), (), path)
+    if not len(values):
+        raise DataFormatError("a table without rows", path)
     if "time" not in names:
         raise DataFormatError(f"no column 'time'; its columns: {', '.join(names[:12])}", path)
     known = {*PRESSURES, *FORCES, PRINTS, *(n for n in names if _unit(n)), "reference_times"}

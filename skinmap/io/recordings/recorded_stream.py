@@ -52,6 +52,13 @@ class Overview:
     marks: IntArray
 
     @classmethod
+    def of(cls, rows: Iterable[Sequence[Any]]) -> Overview:
+        """Of rows with the five numbers each; InvalidArrayError for what is none."""
+        table = check_finite(np.array(list(rows), np.float64).reshape(-1, 5), "rows", (None, 5))
+        seconds, parts, taxels, marks = table[:, [0, 1, 3, 4]].astype(np.int64).T
+        return cls(seconds, parts, table[:, 2], taxels, marks)
+
+    @classmethod
     def parse(cls, data: bytes, names: Sequence[str]) -> Overview | None:
         """An overview of some parts from its table; None where there is none, or it is damaged."""
         numbers = {name: number for number, name in enumerate(names)}
@@ -60,14 +67,9 @@ class Overview:
         if head != OVERVIEW_COLUMNS or any(len(row) != 5 or row[1] not in numbers for row in cells):
             return None
         try:
-            table = np.array([(row[0], *row[2:]) for row in cells], np.float64).reshape(-1, 4)
+            return cls.of((row[0], numbers[row[1]], *row[2:]) for row in cells)
         except ValueError:
             return None
-        parts = np.array([numbers[row[1]] for row in cells], np.int64)
-        if not np.isfinite(table).all():
-            return None
-        second, taxels, marks = table[:, [0, 2, 3]].astype(np.int64).T
-        return cls(second, parts, table[:, 1], taxels, marks)
 
     def to_bytes(self, names: Sequence[str]) -> bytes:
         """The table, the parts by their names."""
@@ -78,16 +80,12 @@ class Overview:
 
     def marked(self, began: Iterable[tuple[int, float]]) -> Overview:
         """The same with other marks: number of the part and beginning [s] of each."""
-        keys = zip(self.seconds.tolist(), self.parts.tolist(), strict=True)
-        felt = zip(self.largest.tolist(), self.taxels.tolist(), strict=True)
-        table = {key: [*own, 0] for key, own in zip(keys, felt, strict=True) if own[1]}
+        columns = (self.seconds, self.parts, self.largest, self.taxels)
+        rows = zip(*(column.tolist() for column in columns), strict=True)
+        table = {(second, part): [largest, n, 0] for second, part, largest, n in rows if n}
         for part, time in began:
             table.setdefault((math.floor(time), part), [0.0, 0, 0])[2] += 1
-        rows = np.array([(*key, *table[key]) for key in sorted(table)], np.float64).reshape(-1, 5)
-        seconds, parts, taxels, marks = rows[:, [0, 1, 3, 4]].astype(np.int64).T
-        return replace(
-            self, seconds=seconds, parts=parts, largest=rows[:, 2], taxels=taxels, marks=marks
-        )
+        return Overview.of((*key, *table[key]) for key in sorted(table))
 
     def touched(self, part: int) -> list[tuple[float, float]]:
         """Beginning and end [s] of the runs of seconds in which a part was touched."""
@@ -143,9 +141,7 @@ class OverviewMaker:
         """All that was taken."""
         self._end()
         self._second = None
-        rows = np.array(self._rows, np.float64).reshape(-1, 4)
-        seconds, parts, taxels = rows[:, [0, 1, 3]].astype(np.int64).T
-        made = Overview(seconds, parts, rows[:, 2], taxels, np.zeros_like(taxels))
+        made = Overview.of((*row, 0) for row in self._rows)
         return made.marked((part, time) for part, _, time in self._marks)
 
     def _end(self) -> None:

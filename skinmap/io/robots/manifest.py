@@ -165,10 +165,8 @@ def load_robot(robot: str | Path, *, allow_outside: bool = False) -> Robot:
 
 def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
     """A robot from its manifest file; see `load_robot`."""
-    if not is_file(path):
-        raise MissingFileError(path, "a robot manifest (.toml)")
     try:
-        document = read_toml(path)
+        document = read_toml(path, "a robot manifest (.toml)")
     except DataFormatError:
         written = path.suffix.lower() in (".urdf", ".xacro", ".csv")
         check_kind(path, "a manifest", hint=WRITE_ONE if written else SHIPPED)
@@ -189,11 +187,13 @@ def read_manifest(path: Path, *, allow_outside: bool = False) -> Robot:
     return Robot(head.name, body, parts, pose, origin=str(path.resolve()))
 
 
-def beside(manifest: Path, name: str, inside: Path | None) -> Path:
+def beside(manifest: Path, name: str, inside: Path | None, needed: str = "") -> Path:
     """The path of a file named in a manifest, which may not lead out of the folder `inside`.
 
     Raises
     ------
+    MissingFileError
+        It does not exist, where `needed` says what it must be.
     ForbiddenPathError
         It does, by `..`, an absolute path or a link.
     DataFormatError
@@ -206,6 +206,8 @@ def beside(manifest: Path, name: str, inside: Path | None) -> Path:
         raise ForbiddenPathError(
             f"{manifest} names {name!r}, outside its own folder; SKINMAP_ALLOW_OUTSIDE=1 allows it"
         )
+    if needed and not is_file(path):
+        raise MissingFileError(path, needed)
     return path
 
 
@@ -216,7 +218,7 @@ def _body(head: _Robot, path: Path, inside: Path | None) -> Body:
     if head.urdf is None or head.mesh is not None:
         raise DataFormatError("[robot] needs either 'urdf' or 'mesh'", path)
     if ":" in head.urdf:
-        return UrdfBody(_package_model(head.urdf, path))
+        return UrdfBody(_package_model(head.urdf))
     return UrdfBody(beside(path, head.urdf, inside), inside=inside)
 
 
@@ -273,9 +275,7 @@ def _cover(entry: _Part, path: Path, inside: Path | None) -> Callable[[], Triang
         raise DataFormatError(
             f"part {entry.name!r} has 'cover_mm' and 'cover': a distance or a mesh, not both", path
         )
-    file = beside(path, entry.cover, inside)
-    if not is_file(file):
-        raise MissingFileError(file, "a mesh of a cover")
+    file = beside(path, entry.cover, inside, "a mesh of a cover")
 
     def read() -> TriangleMesh:
         vertices, faces = read_mesh(file)
@@ -288,10 +288,7 @@ def _layout_name(module: str, path: Path, inside: Path | None) -> str:
     """The name of a built-in layout, or the path of a file that exists."""
     if not module.endswith((".toml", ".csv")):
         return module
-    file = beside(path, module, inside)
-    if not is_file(file):
-        raise MissingFileError(file, "a module layout")
-    return str(file)
+    return str(beside(path, module, inside, "a module layout"))
 
 
 def _reader(
@@ -343,7 +340,7 @@ def _pose(angles_deg: Mapping[str, object], body: Body, path: Path) -> dict[str,
     return pose
 
 
-def _package_model(urdf: str, manifest: Path) -> Path:
+def _package_model(urdf: str) -> Path:
     """The URDF of `package:model`, a model of an installed package of robots."""
     package, _, model = urdf.partition(":")
     if package not in MODEL_PACKAGES:

@@ -30,7 +30,6 @@ BARE = 12e-3  # a link with skin is bumped into where no taxel is so near [m]
 PIECES = 8  # hulls of what is left of such a link
 PLATE = 12  # taxels of a plate: a board of most skins
 PLATE_DEPTH = 3e-3  # its thickness below the taxels [m]; flat skins have a volume then
-GAP = 2e-3  # a body so near counts as a contact, yet bears none: force begins at the taxels [m]
 NO_MASS = 0.02  # of a link that moves and says no mass [kg]
 NO_INERTIA = 1e-5  # and its moments of inertia [kg m2]
 STIFF, DAMPED = 40.0, 2.0  # servo that holds a joint [N m/rad] and [N m s/rad]
@@ -68,11 +67,8 @@ def write_mjcf(robot: Robot, path: Path, *, parts: Sequence[str] | None = None) 
         A body that is no tree of links.
     """
     report = MjcfReport()
-    root = ET.Element("mujoco", model=robot.name)
-    ET.SubElement(root, "compiler", angle="radian", balanceinertia="true", autolimits="true")
-    ET.SubElement(root, "option", timestep="0.002", integrator="implicitfast")
-    ET.SubElement(root, "size", memory="64M")
-    _defaults(root)
+    root = ET.parse(Path(__file__).with_suffix(".xml")).getroot()
+    root.set("model", robot.name)
     asset, world = ET.SubElement(root, "asset"), ET.SubElement(root, "worldbody")
     skins = [robot.skin(part) for part in (robot.parts if parts is None else parts)]
     taxels: dict[str, FloatArray] = {}
@@ -88,19 +84,6 @@ def write_mjcf(robot: Robot, path: Path, *, parts: Sequence[str] | None = None) 
     ET.indent(root, " ")
     path.write_text(ET.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
     return report
-
-
-def _defaults(root: ET.Element) -> None:
-    robot = ET.SubElement(ET.SubElement(root, "default"), "default", attrib={"class": "robot"})
-    # Bodies of others, whose contype is 1 unless they say so, meet the robot; it not itself.
-    ET.SubElement(robot, "geom", contype="0", conaffinity="1", mass="0", group="3")
-    skin = ET.SubElement(robot, "default", attrib={"class": "plate"})
-    attributes = {"margin": 0, "gap": GAP, "solimp": "0.9 0.9 0.001", "condim": 1}
-    ET.SubElement(skin, "geom", {name: str(value) for name, value in attributes.items()})
-    taxels = ET.SubElement(robot, "default", attrib={"class": "taxels"})
-    ET.SubElement(
-        taxels, "geom", type="mesh", contype="0", conaffinity="0", group="1", rgba=".2 .5 .9 1"
-    )
 
 
 def _bodies(
@@ -226,8 +209,6 @@ def _has_volume(corners: FloatArray) -> bool:
 
 def _clusters(points: FloatArray, count: int) -> list[IntArray]:
     """Rows of points (n, 3) in groups that lie together."""
-    if count == 1:
-        return [np.arange(len(points))]
     _, label = kmeans2(points, count, minit="++", seed=0)
     return [np.flatnonzero(label == one) for one in np.unique(label)]
 

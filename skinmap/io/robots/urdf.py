@@ -47,7 +47,11 @@ NUMBERS = {
     ("mimic", "offset"): (1,),
 }
 KINDS: dict[str, Kind] = {"revolute": "turns", "continuous": "turns", "prismatic": "slides"}
-SIMPLE = ("box", "cylinder", "capsule", "sphere")
+# Shapes and the numbers that each has.
+SIMPLE = {
+    "box": "{size}", "cylinder": "{radius} {length}", "capsule": "{radius} {length}",
+    "sphere": "{radius}",
+}  # fmt: skip
 OTHERS = {"mujoco": "an MJCF model", "sdf": "an SDF model", "COLLADA": "a COLLADA mesh"}
 STILL = ("fixed", "floating", "planar")  # one number says nothing about the last two
 
@@ -355,24 +359,18 @@ def _ends(joint: Any, links: dict[str, Any], path: Path) -> tuple[str, str]:
 
 def _check_tree(links: dict[str, Any], parents: dict[str, str], path: Path) -> None:
     """Every link must reach the one link without a parent, in not too many joints."""
-    depths: dict[str, int] = {}
     for start in links:
-        way: dict[str, None] = {}  # from the link towards the root, up to where it is known
-        link = start
-        while link in parents and link not in depths:
+        way = [start]  # towards the root
+        while (link := parents.get(way[-1])) is not None:
             if link in way:
-                circle = " > ".join([*list(way)[list(way).index(link) :], link])
+                circle = " > ".join([*way[way.index(link) :], link])
                 raise DataFormatError(f"not a URDF: joints go in a circle: {circle}", path)
-            way[link] = None
-            link = parents[link]
-        depth = depths.setdefault(link, 0)
-        for link in reversed(way):
-            depth += 1
-            depths[link] = depth
-        if depth > MAX_DEPTH:
-            raise DataFormatError(
-                f"a chain of {depth} joints ends at {start!r}, at most {MAX_DEPTH} are read", path
-            )
+            if len(way) > MAX_DEPTH:
+                raise DataFormatError(
+                    f"a chain of {len(way)} joints ends at {start!r}, at most {MAX_DEPTH} are read",
+                    path,
+                )
+            way.append(link)
     roots = [link for link in links if link not in parents]
     if len(roots) > 1:
         raise DataFormatError(
@@ -480,13 +478,8 @@ def _shape(visual: Any) -> Shape:
     kind, place = local_name(geometry), _origin(visual)
     if kind == "mesh":
         return Shape(kind, place, _numbers(geometry.get("scale") or "1"), geometry.get("filename"))
-    if kind == "box":
-        return Shape(kind, place, _numbers(geometry.attrib["size"]))
-    if kind in ("cylinder", "capsule"):
-        return Shape(kind, place, _numbers("{radius} {length}".format(**geometry.attrib)))
-    if kind == "sphere":
-        return Shape(kind, place, _numbers(geometry.attrib["radius"]))
-    return Shape(kind, place, np.zeros(0))  # refused when it is asked for: others may be sound
+    # Another one is refused when it is asked for: others may be sound.
+    return Shape(kind, place, _numbers(SIMPLE.get(kind, "").format(**geometry.attrib)))
 
 
 def _joint(element: Any, moved: Collection[str]) -> Joint:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray, IntArray
-from skinmap.errors import DataFormatError, MissingFileError, UnknownNameError, warn
+from skinmap.errors import DataFormatError, UnknownNameError, warn
 from skinmap.io.mcap.writing import McapRecording, said_of
 from skinmap.io.recordings.dumper import PartLog, side_by_side
 from skinmap.io.recordings.recorded_stream import Kind, RecordedStream, seconds_of
@@ -158,14 +158,9 @@ def read_bag_mapping(path: Path) -> _Mapping:
     MissingFileError, DataFormatError
         No such file, or one with a key or value that means nothing (named).
     """
-    if not path.is_file():
-        raise MissingFileError(
-            path, "the mapping file of a bag: which topic is which part (docs/tools.md)"
-        )
+    told = read_toml(path, "the mapping file of a bag: which topic is which part (docs/tools.md)")
     fail = partial(DataFormatError, path=path)
-    mapping = checked(
-        read_toml(path), _Mapping, what="the mapping file", fail=fail, called=toml_table
-    )
+    mapping = checked(told, _Mapping, what="the mapping file", fail=fail, called=toml_table)
     names = [one.name for one in mapping.part]
     if len(set(names)) < len(names):
         raise DataFormatError(f"each part once, got {', '.join(names)}", path)

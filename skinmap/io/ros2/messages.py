@@ -12,6 +12,7 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
@@ -138,7 +139,10 @@ def decode(message: bytes, number: Number) -> NDArray[Any]:
 # Version 5 of the format, as ROS 2 Humble writes it; later ones read it.
 BAG_METADATA, BAG_KEY = "rosbag2", "serialized_metadata"
 QOS_KEY = "offered_qos_profiles"
-FOREVER = "{sec: 9223372036, nsec: 854775807}"  # how rosbag2 writes an infinite duration
+# The whole of it, a topic in it, and the quality of service that a topic was offered with.
+BAG, COUNTS, QOS = (
+    Path(__file__).with_name("metadata.yaml").read_text(encoding="ascii").split("---\n")
+)
 DEPTH = 10  # messages that a publisher keeps, ROS 2's own default
 
 
@@ -173,11 +177,7 @@ class TopicFacts:
 def qos_profile(*, latched: bool) -> str:
     """The quality of service that a topic was offered with, as YAML in one line."""
     depth, durability = (1, 1) if latched else (DEPTH, 2)
-    return (
-        f"[{{history: 1, depth: {depth}, reliability: 1, durability: {durability}, "
-        f"deadline: {FOREVER}, lifespan: {FOREVER}, liveliness: 1, "
-        f"liveliness_lease_duration: {FOREVER}, avoid_ros_namespace_conventions: false}}]"
-    )
+    return QOS.format(depth=depth, durability=durability)
 
 
 def bag_metadata(file: str, topics: Mapping[str, TopicFacts]) -> str:
@@ -192,36 +192,12 @@ def bag_metadata(file: str, topics: Mapping[str, TopicFacts]) -> str:
     total = sum(one.messages for one in topics.values())
     first = min((one.first for one in topics.values()), default=0) if total else 0
     span = max((one.last for one in topics.values()), default=0) - first if total else 0
-    name = json.dumps(file)
-    lines = [
-        "rosbag2_bagfile_information:",
-        "  version: 5",
-        "  storage_identifier: mcap",
-        f"  duration: {{nanoseconds: {span}}}",
-        f"  starting_time: {{nanoseconds_since_epoch: {first}}}",
-        f"  message_count: {total}",
-        "  topics_with_message_count:",
-    ]
-    for topic, one in topics.items():
-        lines += [
-            "    - topic_metadata:",
-            f"        name: {topic}",
-            f"        type: {one.kind}",
-            "        serialization_format: cdr",
-            f"        {QOS_KEY}: {json.dumps(qos_profile(latched=one.latched))}",
-            f"      message_count: {one.messages}",
-        ]
-    lines += [
-        '  compression_format: ""',
-        '  compression_mode: ""',
-        f"  relative_file_paths: [{name}]",
-        "  files:",
-        f"    - path: {name}",
-        f"      starting_time: {{nanoseconds_since_epoch: {first}}}",
-        f"      duration: {{nanoseconds: {span}}}",
-        f"      message_count: {total}",
-    ]
-    return "\n".join(lines) + "\n"
+    counts = "".join(
+        COUNTS.format(topic, one.kind, json.dumps(qos_profile(latched=one.latched)), one.messages)
+        for topic, one in topics.items()
+    )
+    file = json.dumps(file)
+    return BAG.format(file=file, topics=counts, first=first, span=span, total=total)
 
 
 FLOAT32 = 7

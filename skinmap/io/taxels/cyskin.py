@@ -33,7 +33,7 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import DataFormatError, InvalidArrayError, InvalidMeshError
 from skinmap.geometry.topology import check_surface
 from skinmap.geometry.triangles import cross_products, signed_areas, unit
-from skinmap.io.text import MAX_CHANNEL, check_file, in_file, read_text
+from skinmap.io.text import MAX_CHANNEL, in_file, read_text
 from skinmap.skin.skin import skin_from_table
 from skinmap.skin.taxels import NO_ID, TaxelTable
 from skinmap.surface.surface_mesh import SurfaceMesh, build_surface
@@ -56,16 +56,20 @@ class _Info(msgspec.Struct):
     """`info`."""
 
     file_version: str | int
-    name: str = ""
     type: str = ""
+    name: str = ""
+    application: Any = ""
+    description: Any = ""
 
 
-class _Frame(msgspec.Struct):
+class _Frame(msgspec.Struct, kw_only=True):
     """One of `parent_frames`."""
 
-    tf_matrix: Annotated[list[float], msgspec.Meta(min_length=16, max_length=16)]
-    name: str = ""
+    key: Any = 0
+    id: Any = 0
     type: str = ""
+    name: str = ""
+    tf_matrix: Annotated[list[float], msgspec.Meta(min_length=16, max_length=16)]
 
 
 class _Taxel(msgspec.Struct):
@@ -74,38 +78,43 @@ class _Taxel(msgspec.Struct):
     id: Number
     x: Place
     n: Place = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0])
+    type: Any = "pressure"
+    cut: Any = 0
 
 
-class _Spot(msgspec.Struct):
+class _Spot(msgspec.Struct, kw_only=True):
     """One of `taxels` of a map."""
 
-    x: Spot
     id: Number = NO_ID
+    x: Spot
+    type: Any = "pressure"
+    cut: Any = 0
 
 
-class _Skin(msgspec.Struct):
+class _Skin(msgspec.Struct, kw_only=True):
     """`skin`."""
 
+    n_taxels: int | None = None
+    n_faces: int | None = None
+    parent_frames: list[_Frame] = msgspec.field(default_factory=list)
     taxels: Annotated[list[_Taxel], msgspec.Meta(min_length=1)]
     faces: list[Corners] = msgspec.field(default_factory=list)
-    parent_frames: list[_Frame] = msgspec.field(default_factory=list)
-    n_taxels: int | None = None
-    n_faces: int | None = None
 
 
-class _Map(msgspec.Struct):
+class _Map(msgspec.Struct, kw_only=True):
     """One of `tactile_maps`."""
 
-    taxels: list[_Spot]
-    faces: list[Corners] = msgspec.field(default_factory=list)
+    key: Any = None
     name: str = ""
     type: str = ""
-    key: Any = None
+    description: Any = ()
     n_taxels: int | None = None
     n_faces: int | None = None
+    taxels: list[_Spot]
+    faces: list[Corners] = msgspec.field(default_factory=list)
 
 
-class _File(msgspec.Struct):
+class _File(msgspec.Struct, omit_defaults=True):
     """A whole file."""
 
     info: _Info
@@ -285,9 +294,9 @@ def read_cyskin(path: Path) -> CySkin:
         neither a skin nor maps.
     """
     fail = partial(DataFormatError, path=path)
-    check_file(path, "a CySkin file (.json)")
+    text = read_text(path, "a CySkin file (.json)")
     try:
-        document = json.loads(read_text(path), parse_constant=_refuse_constant)
+        document = json.loads(text, parse_constant=_refuse_constant)
     except (ValueError, RecursionError) as error:
         raise fail(f"not JSON: {str(error)[:200]}") from None
     told = checked(document, _File, what="the file", fail=fail)
@@ -321,14 +330,12 @@ def _refuse_constant(word: str) -> float:
 
 
 def _skin(name: str, told: _Skin | None, maps: tuple[TactileMap, ...]) -> CySkin:
-    if told is None:
-        none = np.zeros((0, 3))
-        return CySkin(name, np.zeros(0, np.int64), none, none, np.zeros((0, 3), np.int64), maps)
+    told = told or _Skin(taxels=[])
     return CySkin(
         name,
         np.array([taxel.id for taxel in told.taxels], np.int64),
-        np.array([taxel.x for taxel in told.taxels], float),
-        np.array([taxel.n for taxel in told.taxels], float),
+        np.array([taxel.x for taxel in told.taxels], float).reshape(-1, 3),
+        np.array([taxel.n for taxel in told.taxels], float).reshape(-1, 3),
         _faces(told.faces, len(told.taxels), "skin"),
         maps,
         tuple(
@@ -372,59 +379,39 @@ def _whole(values: Any, shape: tuple[int, ...]) -> IntArray:
 
 def write_cyskin(found: CySkin, path: Path) -> None:
     """Write a CySkin file so that reading it gives the same numbers back, bit by bit."""
-    document: dict[str, Any] = {
-        "info": {
-            "file_version": VERSION,
-            "type": "rigid_body",
-            "name": found.name,
-            "application": "",
-            "description": "",
-        }
-    }
-    if len(found):
-        frames = [
-            {
-                "key": key,
-                "id": key,
-                "type": "",
-                "name": frame.name,
-                "tf_matrix": frame.transform.T.ravel().tolist(),
-            }
-            for key, frame in enumerate(found.frames)
-        ]
-        document["skin"] = {
-            "n_taxels": len(found),
-            "n_faces": len(found.faces),
-            "parent_frames": frames,
-            "taxels": [
-                {"id": number, "x": place, "n": normal, "type": "pressure", "cut": 0}
-                for number, place, normal in zip(
-                    found.ids.tolist(),
-                    found.positions.tolist(),
-                    found.normals.tolist(),
-                    strict=True,
-                )
-            ],
-            "faces": found.faces.tolist(),
-        }
-    document["tactile_maps"] = [_written_map(one, key) for key, one in enumerate(found.maps)]
-    path.write_text(json.dumps(document, separators=(",", ":")) + "\n", encoding="utf-8")
-
-
-def _written_map(one: TactileMap, key: int) -> dict[str, Any]:
-    return {
-        "key": key,
-        "name": one.name,
-        "type": one.kind,
-        "description": [],
-        "n_taxels": len(one.ids),
-        "n_faces": len(one.faces),
-        "taxels": [
-            {"id": number, "x": place, "type": "pressure", "cut": 0}
-            for number, place in zip(one.ids.tolist(), one.uv.tolist(), strict=True)
+    skin = _Skin(
+        n_taxels=len(found),
+        n_faces=len(found.faces),
+        parent_frames=[
+            _Frame(key=key, id=key, name=one.name, tf_matrix=one.transform.T.ravel().tolist())
+            for key, one in enumerate(found.frames)
         ],
-        "faces": one.faces.tolist(),
-    }
+        taxels=[
+            _Taxel(*one)
+            for one in zip(
+                found.ids.tolist(), found.positions.tolist(), found.normals.tolist(), strict=True
+            )
+        ],
+        faces=found.faces.tolist(),
+    )
+    maps = [
+        _Map(
+            key=key,
+            name=one.name,
+            type=one.kind,
+            n_taxels=len(one.ids),
+            n_faces=len(one.faces),
+            taxels=[
+                _Spot(id=number, x=place)
+                for number, place in zip(one.ids.tolist(), one.uv.tolist(), strict=True)
+            ],
+            faces=one.faces.tolist(),
+        )
+        for key, one in enumerate(found.maps)
+    ]
+    info = _Info(VERSION, "rigid_body", found.name)
+    document = _File(info, skin if len(found) else None, maps)
+    path.write_bytes(msgspec.json.encode(document) + b"\n")
 
 
 def map_fits(found: CySkin, one: TactileMap) -> bool:

@@ -167,7 +167,7 @@ def _warn(message: str, path: Path, element: Any) -> None:
 
 
 def write_tactile_urdf(
-    sensors: Mapping[str, TaxelTable], path: Path, *, robot: str = "skin", update_rate: float = 50.0
+    sensors: Mapping[str, TaxelTable], path: Path, *, robot: str = "skin"
 ) -> None:
     """Write a URDF with the tactile extension: one sensor a table, all on one link.
 
@@ -183,8 +183,6 @@ def write_tactile_urdf(
         The file.
     robot : str
         Name of the robot.
-    update_rate : float
-        Samples a second that the sensors state.
 
     Raises
     ------
@@ -200,7 +198,7 @@ def write_tactile_urdf(
     for name, table in sensors.items():
         if len(table) == 0:
             raise OutputError("no taxel to write")
-        sensor = ET.SubElement(root, "sensor", name=_xml_name(name), update_rate=repr(update_rate))
+        sensor = ET.SubElement(root, "sensor", name=_xml_name(name), update_rate="50.0")
         ET.SubElement(sensor, "parent", link=link)
         ET.SubElement(sensor, "origin", xyz="0 0 0", rpy="0 0 0")
         tactile = ET.SubElement(sensor, "tactile", channel=name)
