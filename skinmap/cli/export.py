@@ -8,7 +8,7 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
@@ -55,49 +55,21 @@ MCAP = ".mcap"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ExportedPart:
-    """The part that was written.
-
-    Attributes
-    ----------
-    name
-        Of the part, or of the bare table.
-    link
-        Link in whose frame the taxels are; empty for a bare table without one.
-    channels
-        Length of its live vector.
-    taxels
-        Total number of taxels.
-    modules
-        Total number of modules.
-    """
-
-    name: str
-    link: str
-    channels: int
-    taxels: int
-    modules: int
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ExportedTaxels:
-    """Taxels that were written.
+class Exported:
+    """What was written.
 
     Attributes
     ----------
     robot
-        Its name, or that of the bare table.
+        Name of the robot.
     format
-        Format of the file.
-    parts
-        The part that was exported.
+        Format of the output.
     files
-        Name of the file.
+        Name of the file, or of the folder.
     """
 
     robot: str
     format: str
-    parts: list[ExportedPart]
     files: list[str]
 
 
@@ -119,15 +91,46 @@ class ExportedSkin:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ExportedModel:
-    """A whole robot that was written.
+class ExportedPart(ExportedSkin):
+    """The part that was written.
+
+    Attributes
+    ----------
+    name
+        Of the part, or of the bare table.
+    link
+        Link in whose frame the taxels are; empty for a bare table without one.
+    channels
+        Length of its live vector.
+    modules
+        Total number of modules.
+    """
+
+    channels: int
+    modules: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedTaxels(Exported):
+    """Taxels that were written.
 
     Attributes
     ----------
     robot
-        Name of the robot.
-    format
-        Format of the file.
+        Its name, or that of the bare table.
+    parts
+        The part that was exported.
+    """
+
+    parts: list[ExportedPart]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedModel(Exported):
+    """A whole robot that was written.
+
+    Attributes
+    ----------
     links
         Number of the robot's links.
     joints
@@ -140,11 +143,8 @@ class ExportedModel:
         Links whose mesh cannot be read, and why; nothing bumps into them either.
     parts
         Skins of the parts.
-    files
-        Name of the file.
     """
 
-    robot: str
     format: Literal["mjcf"]
     links: int
     joints: int
@@ -152,7 +152,6 @@ class ExportedModel:
     without_mesh: int
     unreadable: list[str]
     parts: list[ExportedSkin]
-    files: list[str]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -170,31 +169,24 @@ class ChannelsOfPart:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ExportedRecording:
+class ExportedRecording(Exported):
     """A recording that was written in another format.
 
     Attributes
     ----------
     robot
         Name of the recorded robot; empty where the file has none.
-    format
-        Format of the file.
     kind
         Kind of the values, raw or pressure.
     samples
         Total number of samples.
     parts
         In the order of the channels.
-    files
-        Name of the file.
     """
 
-    robot: str
-    format: str
     kind: Literal["raw", "pressure"]
     samples: int
     parts: list[ChannelsOfPart]
-    files: list[str]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -226,15 +218,11 @@ class TouchedRow:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ExportedTouched:
+class ExportedTouched(Exported):
     """Touched places of a robot over recordings.
 
     Attributes
     ----------
-    robot
-        Name of the recorded robot.
-    format
-        Format of the file.
     recordings
         Their names, in the order in which they were read.
     seconds
@@ -245,24 +233,18 @@ class ExportedTouched:
         The table: a line for each taxel.
     """
 
-    robot: str
     format: Literal["touched"]
     recordings: list[str]
     seconds: float
     parts: list[TouchedRow]
-    files: list[str]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ExportedImages:
+class ExportedImages(Exported):
     """Contact images of the touches of a recording.
 
     Attributes
     ----------
-    robot
-        Name of the recorded robot.
-    format
-        Format of the files.
     images
         Number of images, one for each marked touch.
     rows
@@ -277,17 +259,12 @@ class ExportedImages:
         The folder: `images.npz` with all of them, and one picture for each.
     """
 
-    robot: str
     format: Literal["images"]
     images: int
     rows: int
     columns: int
     labels: dict[str, int]
     without_touch: int
-    files: list[str]
-
-
-Exported = ExportedTaxels | ExportedModel | ExportedRecording | ExportedTouched | ExportedImages
 
 
 @click.command("export")
@@ -300,7 +277,7 @@ Exported = ExportedTaxels | ExportedModel | ExportedRecording | ExportedTouched 
 )  # fmt: skip
 @out_file("File to write, or folder of a format.", required=True, folder=True)
 @calibration_option
-@prints(*get_args(Exported))
+@prints(ExportedTaxels, ExportedModel, ExportedRecording, ExportedTouched, ExportedImages)
 def command(
     robot: str,
     parts: tuple[str, ...],
@@ -692,7 +669,7 @@ def _lines(result: Exported) -> Iterator[str]:
         if result.without_mass:
             yield f"given a mass of 20 g, since they have none: {', '.join(result.without_mass)}"
         yield from (f"without its mesh: {one}" for one in result.unreadable)
-    else:
+    elif isinstance(result, ExportedRecording):
         channels = sum(part.channels for part in result.parts)
         yield f"{result.samples} samples of {result.kind} values, {channels} channels"
 
