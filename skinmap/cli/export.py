@@ -504,7 +504,7 @@ def _naming(
     from skinmap.live.loop import TouchLoop
     from skinmap.live.response.loads import load_calibrations
     from skinmap.live.sources.open_source import open_recording
-    from skinmap.live.touched_taxels import LEARN, robot_of
+    from skinmap.live.touched_taxels import robot_of
     from skinmap.recognition.named_classifiers import default_model
     from skinmap.touch.prepared_skin import PreparedSkin
 
@@ -521,8 +521,7 @@ def _naming(
         singly=True,
     )  # fmt: skip
     with closing(loop):
-        with closing(open_recording(path, robot=robot, speed=float("inf"))) as ahead:
-            loop.learn_rest(ahead, LEARN)
+        loop.learn_rest(open_recording(path, robot=robot, speed=float("inf")))
         yield loop, source.marked()
 
 

@@ -176,6 +176,15 @@ class NamedRow(NamedTouchRow):
     period_ms: float | None
     twist_deg: float
 
+    @property
+    def force(self) -> str:
+        """Newtons with their interval, or why there are none; empty without a calibration."""
+        if self.load is None:
+            return ""
+        if self.load.force_n is None or self.load.force_n_90 is None:
+            return self.load.refused
+        return "{:.3g} N ({:.3g} to {:.3g})".format(self.load.force_n, *self.load.force_n_90)
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NameSets:

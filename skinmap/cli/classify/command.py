@@ -162,11 +162,8 @@ def _lines(result: ClassifyResult) -> Iterator[str | Table]:
     rows = [replace(touch, label=said(touch)) for touch in result.touches]
     shown = "part event touch label confidence recorded_label=recorded"
     shown += " heading" if any(row.heading != "still" for row in rows) else ""
-    table = Table.of(NamedRow, rows, shown)
-    if any(row.load is not None for row in rows):
-        cells = [[*own, _force(row)] for own, row in zip(table.rows, rows, strict=True)]
-        table = Table([*table.columns, "force (90 %)"], cells)
-    yield table
+    shown += " force=force_(90_%)" if any(row.load is not None for row in rows) else ""
+    yield Table.of(NamedRow, rows, shown)
     yield from health_lines(result.health)
     right = round((result.accuracy or 0.0) * result.events)
     yield f"{right} of {result.events} as recorded"
@@ -175,12 +172,3 @@ def _lines(result: ClassifyResult) -> Iterator[str | Table]:
             f"{100 * result.sets.held:.1f} % of the sets hold the recorded name "
             f"({100 * result.sets.coverage:g} % asked for), {result.sets.mean_size:.2f} names each"
         )
-
-
-def _force(touch: NamedRow) -> str:
-    """Newtons of a row with their interval, or why there are none."""
-    if touch.load is None:
-        return ""
-    if touch.load.force_n is None or touch.load.force_n_90 is None:
-        return touch.load.refused
-    return "{:.3g} N ({:.3g} to {:.3g})".format(touch.load.force_n, *touch.load.force_n_90)
