@@ -12,15 +12,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from skinmap.commands.options import (
-    calibration_option,
-    named_robot,
-    open_robot,
-    out_file,
-    part_option,
-    prints,
-    robot_argument,
-)
+from skinmap.commands import options
 from skinmap.commands.progress import progress
 from skinmap.errors import (
     KINDS,
@@ -268,16 +260,16 @@ class ExportedImages(Exported):
 
 
 @click.command("export")
-@robot_argument
-@part_option
+@options.robot_argument
+@options.part_option
 @click.option(
     "--format", "format",
     type=click.Choice([*TAXELS, *FOLDERS, *NAMED, "images", "touched"]),
     help="Format of the output.  [default: csv for taxels]",
 )  # fmt: skip
-@out_file("File to write, or folder of a format.", required=True, folder=True)
-@calibration_option
-@prints(ExportedTaxels, ExportedModel, ExportedRecording, ExportedTouched, ExportedImages)
+@options.out_file("File to write, or folder of a format.", required=True, folder=True)
+@options.calibration_option
+@options.prints(ExportedTaxels, ExportedModel, ExportedRecording, ExportedTouched, ExportedImages)
 def command(
     robot: str,
     parts: tuple[str, ...],
@@ -398,7 +390,7 @@ def export_model(robot: str, parts: tuple[str, ...], output: Path, _: Any) -> Ex
     """Write a whole robot with its skins, or those of some parts."""
     from skinmap.io.robots.mjcf import write_mjcf
 
-    loaded, names = open_robot(robot, parts)
+    loaded, names = options.open_robot(robot, parts)
     with staged_file(output) as stage:
         report = write_mjcf(loaded, stage, parts=names)
     return ExportedModel(
@@ -427,7 +419,7 @@ def export_touched(source: str, parts: tuple[str, ...], output: Path, _: Any) ->
     if not path.exists():
         raise MissingFileError(path, "a recording, or a folder of some")
     paths = recordings_of(path)
-    robot, names = open_robot(robot_of(paths) or "icub", parts)
+    robot, names = options.open_robot(robot_of(paths) or "icub", parts)
     skins = {part: PreparedSkin(robot.skin(part)) for part in names}
     opened = partial(open_recording, robot=robot, speed=float("inf"))
     with progress(len(paths), "touched") as advance:
@@ -508,7 +500,7 @@ def _naming(
     from skinmap.recognition.named_classifiers import default_model
     from skinmap.touch.prepared_skin import PreparedSkin
 
-    robot, names = open_robot(robot_of([path]) or "icub", parts)
+    robot, names = options.open_robot(robot_of([path]) or "icub", parts)
     source = open_recording(path, robot=robot, speed=float("inf"))
     shared = [part for part in source.info.parts if part in names]
     if not shared:
@@ -604,7 +596,7 @@ def _with_taxels(track: RecordedStream) -> RecordedStream:
     if track.tables or not track.manifest:
         return track
     try:
-        robot = named_robot(track.manifest)
+        robot = options.named_robot(track.manifest)
     except SkinError as error:
         warn(f"written without its taxels: {error}")
         return track
@@ -685,7 +677,7 @@ def _table(robot: str, parts: tuple[str, ...]) -> tuple[str, str, TaxelTable]:
         if parts:
             raise click.UsageError(f"--part is for a robot; {robot} is a bare table")
         return path.stem, path.stem, read_taxels(path, read_as or None)
-    loaded, names = open_robot(robot, parts)
+    loaded, names = options.open_robot(robot, parts)
     if len(names) > 1:
         raise click.UsageError(f"a file holds one part, --part chooses it: {', '.join(names)}")
     (name,) = names

@@ -16,18 +16,7 @@ from skinmap.cli.classify.classify_result import (
     NamedRow,
     health_lines,
 )
-from skinmap.commands.options import (
-    Number,
-    calibration_option,
-    part_option,
-    prints,
-    publish_option,
-    response_option,
-    robot_option,
-    seconds_option,
-    seed_option,
-    words,
-)
+from skinmap.commands import options
 from skinmap.report.present import present
 from skinmap.report.table import Table
 
@@ -36,27 +25,27 @@ SUFFIX = ".skinmodel"  # as `skinmap.recognition.model_file` has it; a test comp
 
 @click.command("classify")
 @click.argument("files", nargs=-1, required=True, metavar="[MODEL] SOURCE")
-@robot_option
-@part_option
-@seconds_option("Stop after this time [s]; live sources only.")
-@publish_option("pressures, contacts and labels", multiple=True)
-@response_option
-@calibration_option
+@options.robot_option
+@options.part_option
+@options.seconds_option("Stop after this time [s]; live sources only.")
+@options.publish_option("pressures, contacts and labels", multiple=True)
+@options.response_option
+@options.calibration_option
 @click.option(
     "--coverage",
-    type=Number(0.0, 1.0, min_open=True, max_open=True),
+    type=options.Number(0.0, 1.0, min_open=True, max_open=True),
     help="Promised share of touches whose set of names holds the truth, such as 0.9; sets look "
     "like `poke or edge`.",
 )
-@seed_option
-@words(
+@options.seed_option
+@options.words(
     "--gesture",
     "gestures",
     "GESTURE",
     "Gestures of the source sim, with commas between; or four, eight, "
     "all, hand, other, time. May be repeated.  [default: four]",
 )
-@prints(ClassifyResult, live=(LiveTouch, LiveSummary))
+@options.prints(ClassifyResult, live=(LiveTouch, LiveSummary))
 def command(files: tuple[str, ...], coverage: float | None, as_json: bool, **how: Any) -> None:
     """Name touches with a confidence from 0 to 1.
 
