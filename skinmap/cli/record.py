@@ -263,21 +263,18 @@ class _Shown:
 def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
     """Record samples, pressures and, once each is over, touches with their names."""
     from skinmap.live.publishing.ros2_topics import touch_markers
-    from skinmap.live.sources.source import SourceEnded
 
-    try:
-        while True:
-            moment = loop.step(0.5)
-            if moment is None or moment.stale:
+    with suppress(KeyboardInterrupt):
+        for moment in loop:
+            if moment.stale:
                 continue
             if loop.info.kind == "raw":
                 recorder.put(_pressure_block(moment, loop.info.parts), "pressure")
             recorder.show_touches(moment.time, touch_markers(loop.robot, moment))
             shown.add(1)
             _mark_ended(loop, recorder, shown)
-    except (SourceEnded, KeyboardInterrupt):
-        loop.finish()
-        _mark_ended(loop, recorder, shown)
+    loop.finish()
+    _mark_ended(loop, recorder, shown)
 
 
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:

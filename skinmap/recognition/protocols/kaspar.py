@@ -30,8 +30,8 @@ from skinmap.recognition.protocols.folds import (
     averaged,
     make_folds,
     mean_and_spread,
-    recalls,
     run_repeats,
+    shares,
     smallest,
 )
 from skinmap.recognition.protocols.results import (
@@ -388,15 +388,13 @@ def _row(
     for train, test in folds:
         which, penalty = _choose(kernel, part, train, kind, rng)
         named[test] = _predict(kernel.grams[which], part.labels, train, test, penalty)
-    per_class = recalls(part.labels, named, tuple(SAMPLES))
     return AccuracyRow(
         percent=percent,
         folds=kind,
         features=features,
         classifier=kernel.name,
-        per_class=per_class,
-        mean=float(np.mean(list(per_class.values()))),
         samples=len(part.labels),
+        **shares(part.labels, named, tuple(SAMPLES)),
     )
 
 
