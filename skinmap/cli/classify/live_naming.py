@@ -51,7 +51,7 @@ from skinmap.recognition.classifier import Prediction, TouchClassifier
 from skinmap.recognition.naming import FINGERTIP, in_words, named_events
 from skinmap.report.present import emit_line, object_of
 from skinmap.touch.contacts.motion_features import MM, MOTION_FEATURES, motion_features
-from skinmap.touch.contacts.rest import ENOUGH, Rest
+from skinmap.touch.contacts.rest import ENOUGH
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import JOIN, Recording
@@ -375,18 +375,15 @@ def _health(
     recordings: Sequence[Recording], skins: Mapping[str, PreparedSkin]
 ) -> dict[str, Health]:
     """Channels that hang or are noisy between the touches, by part."""
-    found: dict[str, list[Rest]] = {}
-    for one in recordings:
-        found.setdefault(one.part, []).append(one.rest())
     health = {}
-    for part, rests in found.items():
-        channels = skins[part].skin.channels
-        stuck = np.any([rest.stuck for rest in rests], axis=0)
-        noisy = np.any([rest.noisy for rest in rests], axis=0)
-        if stuck.any() or noisy.any():
-            health[part] = Health(
-                stuck=channels[stuck].tolist(), noisy=channels[noisy].tolist(), dead=[], unheard=[]
-            )
+    for part, skin in skins.items():
+        rests = [one.rest() for one in recordings if one.part == part]
+        stuck, noisy = (
+            skin.skin.channels[np.any(rows, axis=0)].tolist()
+            for rows in ([rest.stuck for rest in rests], [rest.noisy for rest in rests])
+        )
+        if stuck or noisy:
+            health[part] = Health(stuck=stuck, noisy=noisy, dead=[], unheard=[])
     return health
 
 
