@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain, count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -65,8 +65,7 @@ class FlattenResult:
     files: Sequence[str] = column("Names of the files inside `--out`.", default=())
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Laid:
+class Laid(NamedTuple):
     """A part laid flat, by other methods too, and as others drew it."""
 
     flat: FlatMap

@@ -92,10 +92,10 @@ class Playback(Seekable):
 
     def marked(self) -> list[MarkedSpan]:
         """Part, label, beginning and end [s] of each mark, in the recording's clock."""
-        there = [one for one in self.marks if one.first <= one.last]
-        times = self._times
         return [
-            (one.part, one.label, float(times[one.first]), float(times[one.last])) for one in there
+            (one.part, one.label, *self._times[[one.first, one.last]].tolist())
+            for one in self.marks
+            if one.first <= one.last
         ]
 
     @property

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,8 +183,7 @@ def resample(
     return np.sort(np.concatenate(chosen))
 
 
-@dataclass(frozen=True, slots=True)
-class Recipe:
+class Recipe(NamedTuple):
     """How histograms are made.
 
     Attributes
@@ -463,8 +462,7 @@ PENALTIES = (1.0, 10.0, 100.0)
 WIDTHS = (0.25, 1.0, 4.0, 16.0)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Kernel:
+class Kernel(NamedTuple):
     """A kernel with one Gram matrix for each value of its own parameter.
 
     Attributes

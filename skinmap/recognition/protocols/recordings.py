@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 from unicodedata import normalize
 
 import numpy as np
@@ -479,8 +479,7 @@ def _raw_names(touches: Sequence[Touch], labels: Names, splits: Sequence[Fold]) 
 Leak = Literal["yes", "perhaps", "no"]
 
 
-@dataclass(frozen=True, slots=True)
-class Control:
+class Control(NamedTuple):
     """Share named right of what shows no touch, NaN where nothing is seen, and what that says."""
 
     share: float

@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from sklearn.base import BaseEstimator
@@ -477,8 +477,7 @@ COUNTED = ("tap", "pat")
 ALONE, TOGETHER = "still alone", "still among all"  # trainings that name still touches
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Played:
+class Played(NamedTuple):
     """A skin, what was recorded on it, and in which physics."""
 
     skin: PreparedSkin
@@ -491,8 +490,7 @@ class Played:
         return [touch for touch in every if touch.label in gestures]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class InTime:
+class InTime(NamedTuple):
     """All that the protocol finds.
 
     Attributes
