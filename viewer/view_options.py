@@ -7,7 +7,6 @@ import math
 import time
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import closing
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -19,7 +18,7 @@ from skinmap.live.loop import TouchLoop
 from skinmap.live.sources.open_source import open_recording, open_source
 from skinmap.live.sources.playback import Playback
 from skinmap.live.sources.source import Seekable, Source, SourceEnded, is_live
-from skinmap.live.touched_taxels import LEARN, Touched, recordings_of, touched_in
+from skinmap.live.touched_taxels import Touched, recordings_of, touched_in
 from skinmap.recognition.classifier import TouchClassifier
 from skinmap.recognition.model_file import load_classifier
 from skinmap.recognition.named_classifiers import default_model
@@ -204,8 +203,7 @@ class Session:
 
         So a moment has the same names whether it is gone to or played to.
         """
-        with closing(self.open(hurry=True)) as ahead:
-            loop.learn_rest(ahead, LEARN)
+        loop.learn_rest(self.open(hurry=True))
 
     @property
     def repeats(self) -> bool:

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -95,14 +96,13 @@ class Collection:
         return tuple(dict.fromkeys(part for _, part in self.skins))
 
     def count(self, *fields: str) -> dict[Any, int]:
-        """How many touches there are of each session, say, or of each (session, label)."""
-        keys = [tuple(field_of(one, name) for name in fields) for one in self.touches]
-        return dict(Counter(key if len(key) > 1 else key[0] for key in keys))
+        """How many touches there are of each session, say, or of each (session, person)."""
+        return dict(Counter(map(attrgetter(*fields), self.touches)))
 
     def doubts(self) -> Iterator[str]:
         """What a classifier of these touches may have learnt instead of the touches."""
-        labels = self.count("label")
-        sessions = self.count("session", "label")
+        labels = self.count("touch.label")
+        sessions = self.count("session", "touch.label")
         alone = [label for label in labels if sum(one == label for _, one in sessions) == 1]
         drawn = all(one.simulated for one in self.touches)  # a simulator has no sessions
         if alone and not drawn:
@@ -121,11 +121,6 @@ class Collection:
         slow, quick = min(self.rates, default=1.0), max(self.rates, default=1.0)
         if quick > SAME_RATE * slow:
             yield f"recorded at {slow:.4g} to {quick:.4g} samples a second: touches look different"
-
-
-def field_of(one: Collected, name: str) -> str:
-    """Label, session, person, robot or part of a touch."""
-    return one.touch.label if name == "label" else str(getattr(one, name))
 
 
 def collect(

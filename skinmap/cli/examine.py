@@ -11,15 +11,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from skinmap.commands.options import (
-    PATH,
-    Written,
-    file_option,
-    named_robot,
-    out_folder,
-    prints,
-    word,
-)
+from skinmap.commands import options
 from skinmap.errors import OutputError
 from skinmap.io.output import staged_file, staged_folder
 from skinmap.report.page import (
@@ -47,11 +39,11 @@ MOST = 3  # stretches of rows in a line
 
 @click.command("examine")
 @click.argument("files", nargs=-1, required=True, metavar="FILE...",
-                type=PATH)  # fmt: skip
-@word("--robot", "ROBOT", "Robot of recordings that do not name theirs.")
-@out_folder("a page with pictures")
-@file_option("--mend", Written(".npz"), "Mended copy of one recording: an NPZ.")
-@prints(Examined)
+                type=options.PATH)  # fmt: skip
+@options.word("--robot", "ROBOT", "Robot of recordings that do not name theirs.")
+@options.out_folder("a page with pictures")
+@options.file_option("--mend", options.Written(".npz"), "Mended copy of one recording: an NPZ.")
+@options.prints(Examined)
 def command(
     files: tuple[Path, ...], robot: str | None, out: Path | None, mend: Path | None, as_json: bool
 ) -> None:
@@ -71,7 +63,7 @@ def command(
         raise OutputError(f"cannot write {str(mend)!r}: it is one of those that are read")
     found = list(tracks(list(files)))
     if robot is not None:
-        known = named_robot(robot)
+        known = options.named_robot(robot)
         found = [one if one.places is not None else placed(one, known) for one in found]
     result, surveys = examine_tracks(found)
     if mend is not None and len(surveys) > 1:

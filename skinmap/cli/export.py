@@ -8,19 +8,11 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from skinmap.commands.options import (
-    calibration_option,
-    named_robot,
-    open_robot,
-    out_file,
-    part_option,
-    prints,
-    robot_argument,
-)
+from skinmap.commands import options
 from skinmap.commands.progress import progress
 from skinmap.errors import (
     KINDS,
@@ -55,49 +47,21 @@ MCAP = ".mcap"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ExportedPart:
-    """The part that was written.
-
-    Attributes
-    ----------
-    name
-        Of the part, or of the bare table.
-    link
-        Link in whose frame the taxels are; empty for a bare table without one.
-    channels
-        Length of its live vector.
-    taxels
-        Total number of taxels.
-    modules
-        Total number of modules.
-    """
-
-    name: str
-    link: str
-    channels: int
-    taxels: int
-    modules: int
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ExportedTaxels:
-    """Taxels that were written.
+class Exported:
+    """What was written.
 
     Attributes
     ----------
     robot
-        Its name, or that of the bare table.
+        Name of the robot.
     format
-        Format of the file.
-    parts
-        The part that was exported.
+        Format of the output.
     files
-        Name of the file.
+        Name of the file, or of the folder.
     """
 
     robot: str
     format: str
-    parts: list[ExportedPart]
     files: list[str]
 
 
@@ -119,15 +83,46 @@ class ExportedSkin:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ExportedModel:
-    """A whole robot that was written.
+class ExportedPart(ExportedSkin):
+    """The part that was written.
+
+    Attributes
+    ----------
+    name
+        Of the part, or of the bare table.
+    link
+        Link in whose frame the taxels are; empty for a bare table without one.
+    channels
+        Length of its live vector.
+    modules
+        Total number of modules.
+    """
+
+    channels: int
+    modules: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedTaxels(Exported):
+    """Taxels that were written.
 
     Attributes
     ----------
     robot
-        Name of the robot.
-    format
-        Format of the file.
+        Its name, or that of the bare table.
+    parts
+        The part that was exported.
+    """
+
+    parts: list[ExportedPart]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ExportedModel(Exported):
+    """A whole robot that was written.
+
+    Attributes
+    ----------
     links
         Number of the robot's links.
     joints
@@ -140,11 +135,8 @@ class ExportedModel:
         Links whose mesh cannot be read, and why; nothing bumps into them either.
     parts
         Skins of the parts.
-    files
-        Name of the file.
     """
 
-    robot: str
     format: Literal["mjcf"]
     links: int
     joints: int
@@ -152,7 +144,6 @@ class ExportedModel:
     without_mesh: int
     unreadable: list[str]
     parts: list[ExportedSkin]
-    files: list[str]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -170,31 +161,24 @@ class ChannelsOfPart:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ExportedRecording:
+class ExportedRecording(Exported):
     """A recording that was written in another format.
 
     Attributes
     ----------
     robot
         Name of the recorded robot; empty where the file has none.
-    format
-        Format of the file.
     kind
         Kind of the values, raw or pressure.
     samples
         Total number of samples.
     parts
         In the order of the channels.
-    files
-        Name of the file.
     """
 
-    robot: str
-    format: str
     kind: Literal["raw", "pressure"]
     samples: int
     parts: list[ChannelsOfPart]
-    files: list[str]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -226,15 +210,11 @@ class TouchedRow:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ExportedTouched:
+class ExportedTouched(Exported):
     """Touched places of a robot over recordings.
 
     Attributes
     ----------
-    robot
-        Name of the recorded robot.
-    format
-        Format of the file.
     recordings
         Their names, in the order in which they were read.
     seconds
@@ -245,24 +225,18 @@ class ExportedTouched:
         The table: a line for each taxel.
     """
 
-    robot: str
     format: Literal["touched"]
     recordings: list[str]
     seconds: float
     parts: list[TouchedRow]
-    files: list[str]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class ExportedImages:
+class ExportedImages(Exported):
     """Contact images of the touches of a recording.
 
     Attributes
     ----------
-    robot
-        Name of the recorded robot.
-    format
-        Format of the files.
     images
         Number of images, one for each marked touch.
     rows
@@ -277,30 +251,25 @@ class ExportedImages:
         The folder: `images.npz` with all of them, and one picture for each.
     """
 
-    robot: str
     format: Literal["images"]
     images: int
     rows: int
     columns: int
     labels: dict[str, int]
     without_touch: int
-    files: list[str]
-
-
-Exported = ExportedTaxels | ExportedModel | ExportedRecording | ExportedTouched | ExportedImages
 
 
 @click.command("export")
-@robot_argument
-@part_option
+@options.robot_argument
+@options.part_option
 @click.option(
     "--format", "format",
     type=click.Choice([*TAXELS, *FOLDERS, *NAMED, "images", "touched"]),
     help="Format of the output.  [default: csv for taxels]",
 )  # fmt: skip
-@out_file("File to write, or folder of a format.", required=True, folder=True)
-@calibration_option
-@prints(*get_args(Exported))
+@options.out_file("File to write, or folder of a format.", required=True, folder=True)
+@options.calibration_option
+@options.prints(ExportedTaxels, ExportedModel, ExportedRecording, ExportedTouched, ExportedImages)
 def command(
     robot: str,
     parts: tuple[str, ...],
@@ -421,7 +390,7 @@ def export_model(robot: str, parts: tuple[str, ...], output: Path, _: Any) -> Ex
     """Write a whole robot with its skins, or those of some parts."""
     from skinmap.io.robots.mjcf import write_mjcf
 
-    loaded, names = open_robot(robot, parts)
+    loaded, names = options.open_robot(robot, parts)
     with staged_file(output) as stage:
         report = write_mjcf(loaded, stage, parts=names)
     return ExportedModel(
@@ -450,7 +419,7 @@ def export_touched(source: str, parts: tuple[str, ...], output: Path, _: Any) ->
     if not path.exists():
         raise MissingFileError(path, "a recording, or a folder of some")
     paths = recordings_of(path)
-    robot, names = open_robot(robot_of(paths) or "icub", parts)
+    robot, names = options.open_robot(robot_of(paths) or "icub", parts)
     skins = {part: PreparedSkin(robot.skin(part)) for part in names}
     opened = partial(open_recording, robot=robot, speed=float("inf"))
     with progress(len(paths), "touched") as advance:
@@ -527,11 +496,11 @@ def _naming(
     from skinmap.live.loop import TouchLoop
     from skinmap.live.response.loads import load_calibrations
     from skinmap.live.sources.open_source import open_recording
-    from skinmap.live.touched_taxels import LEARN, robot_of
+    from skinmap.live.touched_taxels import robot_of
     from skinmap.recognition.named_classifiers import default_model
     from skinmap.touch.prepared_skin import PreparedSkin
 
-    robot, names = open_robot(robot_of([path]) or "icub", parts)
+    robot, names = options.open_robot(robot_of([path]) or "icub", parts)
     source = open_recording(path, robot=robot, speed=float("inf"))
     shared = [part for part in source.info.parts if part in names]
     if not shared:
@@ -544,8 +513,7 @@ def _naming(
         singly=True,
     )  # fmt: skip
     with closing(loop):
-        with closing(open_recording(path, robot=robot, speed=float("inf"))) as ahead:
-            loop.learn_rest(ahead, LEARN)
+        loop.learn_rest(open_recording(path, robot=robot, speed=float("inf")))
         yield loop, source.marked()
 
 
@@ -628,7 +596,7 @@ def _with_taxels(track: RecordedStream) -> RecordedStream:
     if track.tables or not track.manifest:
         return track
     try:
-        robot = named_robot(track.manifest)
+        robot = options.named_robot(track.manifest)
     except SkinError as error:
         warn(f"written without its taxels: {error}")
         return track
@@ -692,7 +660,7 @@ def _lines(result: Exported) -> Iterator[str]:
         if result.without_mass:
             yield f"given a mass of 20 g, since they have none: {', '.join(result.without_mass)}"
         yield from (f"without its mesh: {one}" for one in result.unreadable)
-    else:
+    elif isinstance(result, ExportedRecording):
         channels = sum(part.channels for part in result.parts)
         yield f"{result.samples} samples of {result.kind} values, {channels} channels"
 
@@ -709,7 +677,7 @@ def _table(robot: str, parts: tuple[str, ...]) -> tuple[str, str, TaxelTable]:
         if parts:
             raise click.UsageError(f"--part is for a robot; {robot} is a bare table")
         return path.stem, path.stem, read_taxels(path, read_as or None)
-    loaded, names = open_robot(robot, parts)
+    loaded, names = options.open_robot(robot, parts)
     if len(names) > 1:
         raise click.UsageError(f"a file holds one part, --part chooses it: {', '.join(names)}")
     (name,) = names

@@ -4,28 +4,15 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from itertools import chain, count
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from skinmap.commands.options import (
-    ALONE,
-    WorkerOptions,
-    Written,
-    file_option,
-    number,
-    open_robot,
-    out_folder,
-    part_option,
-    prints,
-    profile_option,
-    word,
-    workers_options,
-)
+from skinmap.commands import options
 from skinmap.commands.progress import progress
 from skinmap.errors import (
     InvalidArrayError,
@@ -78,8 +65,7 @@ class FlattenResult:
     files: Sequence[str] = column("Names of the files inside `--out`.", default=())
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Laid:
+class Laid(NamedTuple):
     """A part laid flat, by other methods too, and as others drew it."""
 
     flat: FlatMap
@@ -89,17 +75,19 @@ class Laid:
 
 @click.command("flatten")
 @click.argument("robots", nargs=-1, metavar="[ROBOT|MESH...]")
-@part_option
-@word("--method", "METHOD", "Flattening method.  [default: balanced]")
-@word("--meshing", "METHOD", "Surface meshing method.  [default: consensus; the faces of a .json]")
-@word(
+@options.part_option
+@options.word("--method", "METHOD", "Flattening method.  [default: balanced]")
+@options.word(
+    "--meshing", "METHOD", "Surface meshing method.  [default: consensus; the faces of a .json]"
+)
+@options.word(
     "--compare",
     "M2,M3|drawing[:FILE]|theirs",
     "Methods to compare with, `drawing` for a hand-drawn map (the part's, or one of iCubSkinGui "
     ".ini or CySkin .json), `theirs` for the file's own.",
     default="",
 )
-@word(
+@options.word(
     "--seam",
     "SEAM",
     "Seams of patches that are not discs: contacts:RECORDING (dividing fewest touches), "
@@ -107,29 +95,29 @@ class Laid:
     "[default: shortest]",
     default="shortest",
 )
-@number(
+@options.number(
     "--max-distortion",
     ISOMETRY,
     1e6,
     "Slit each chart until its mean symmetric Dirichlet energy is below this, as 4.1.",
 )
-@out_folder("pictures, OBJ with texture coordinates, and report.html")
-@file_option(
+@options.out_folder("pictures, OBJ with texture coordinates, and report.html")
+@options.file_option(
     "--sheet",
-    Written(".pdf", ".svg", ".dxf"),
+    options.Written(".pdf", ".svg", ".dxf"),
     "Write the maps at their true size on A4, with the channel of each taxel; more pages than one "
     "of SVG or DXF are FILE-1, FILE-2, ...",
 )
-@workers_options(resume=False)
-@profile_option("flatten", beside=KNOBS)
-@prints(FlattenResult)
+@options.workers_options(resume=False)
+@options.profile_option("flatten", beside=KNOBS)
+@options.prints(FlattenResult)
 def command(
     robots: tuple[str, ...],
     parts: tuple[str, ...],
     out: Path | None,
     sheet: Path | None,
     as_json: bool,
-    **options: Any,
+    **asked: Any,
 ) -> None:
     """Lay every patch of a robot's skin, or any triangle mesh, flat and measure the distortion.
 
@@ -150,7 +138,7 @@ def command(
     """
     if sheet is not None and not sheet.parent.is_dir():
         raise OutputError(f"cannot write {str(sheet)!r}: no folder {str(sheet.parent)!r}")
-    result, laid = work(robots or ("icub",), parts, **options)
+    result, laid = work(robots or ("icub",), parts, **asked)
     if sheet is not None:
         result = replace(result, sheets=_write_sheets(sheet, result.robot, laid))
     with progress(len(laid) if out else 0, "drawing") as advance:
@@ -174,7 +162,7 @@ def work(
     seam: str = "shortest",
     max_edge_rms: float | None = None,
     metric: str | None = None,
-    spread: WorkerOptions = ALONE,
+    spread: options.WorkerOptions = options.ALONE,
     **how: Any,
 ) -> tuple[FlattenResult, dict[str, Laid]]:
     """Lay everything flat and measure it; `how` is passed on to `skinmap.flatten`."""
@@ -262,7 +250,7 @@ def _sources(
         raise click.UsageError(
             "several mesh files, several CySkin files, or one robot: not " + " ".join(robots)[:200]
         )
-    robot, names = open_robot(robots[0], tuple(parts))
+    robot, names = options.open_robot(robots[0], tuple(parts))
     return robot.name, meshing or DEFAULT, robot_sources(robot, names, meshing or DEFAULT)
 
 

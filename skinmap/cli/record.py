@@ -13,19 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from skinmap.commands.options import (
-    PATH,
-    calibration_option,
-    open_stream,
-    out_file,
-    part_option,
-    prints,
-    robot_option,
-    seconds_option,
-    seed_option,
-    speed_option,
-    word,
-)
+from skinmap.commands import options
 from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import is_quiet
 from skinmap.errors import MessageError, OutputError, UnknownNameError, warn
@@ -71,18 +59,18 @@ class RecordResult:
 
 @click.command("record")
 @click.argument("source")
-@out_file("MCAP file to write.", required=True, guarded=False)
-@robot_option
-@part_option
-@seconds_option("Stop after this time [s].")
-@word("--label", "LABEL", "Mark every touch with this name, to train on.")
-@click.option("--model", type=PATH, help="Mark every touch with a model's label.")
-@word("--session", "WORDS", "Name of the session, for --leave-out of `evaluate`.")
-@word("--person", "WORDS", "Name of the person who touches, for --leave-out of `evaluate`.")
-@calibration_option
-@speed_option("recorded or simulated")
-@seed_option
-@prints(RecordResult)
+@options.out_file("MCAP file to write.", required=True, guarded=False)
+@options.robot_option
+@options.part_option
+@options.seconds_option("Stop after this time [s].")
+@options.word("--label", "LABEL", "Mark every touch with this name, to train on.")
+@click.option("--model", type=options.PATH, help="Mark every touch with a model's label.")
+@options.word("--session", "WORDS", "Name of the session, for --leave-out of `evaluate`.")
+@options.word("--person", "WORDS", "Name of the person who touches, for --leave-out of `evaluate`.")
+@options.calibration_option
+@options.speed_option("recorded or simulated")
+@options.seed_option
+@options.prints(RecordResult)
 def command(
     source: str,
     output: Path,
@@ -131,7 +119,7 @@ def command(
     if label is not None:
         classifier = GivenName(check_label(label))
     session, person = (check_label(one) if one else "" for one in (session, person))
-    loaded, origin = open_stream(source, robot, parts, seed=seed, speed=speed)
+    loaded, origin = options.open_stream(source, robot, parts, seed=seed, speed=speed)
     named = classifier is not None
     shown = _Shown(output, sys.stderr, named=named)
     loop = None
@@ -275,21 +263,18 @@ class _Shown:
 def _follow(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:
     """Record samples, pressures and, once each is over, touches with their names."""
     from skinmap.live.publishing.ros2_topics import touch_markers
-    from skinmap.live.sources.source import SourceEnded
 
-    try:
-        while True:
-            moment = loop.step(0.5)
-            if moment is None or moment.stale:
+    with suppress(KeyboardInterrupt):
+        for moment in loop:
+            if moment.stale:
                 continue
             if loop.info.kind == "raw":
                 recorder.put(_pressure_block(moment, loop.info.parts), "pressure")
             recorder.show_touches(moment.time, touch_markers(loop.robot, moment))
             shown.add(1)
             _mark_ended(loop, recorder, shown)
-    except (SourceEnded, KeyboardInterrupt):
-        loop.finish()
-        _mark_ended(loop, recorder, shown)
+    loop.finish()
+    _mark_ended(loop, recorder, shown)
 
 
 def _mark_ended(loop: TouchLoop, recorder: Recorder, shown: _Shown) -> None:

@@ -10,16 +10,7 @@ from pathlib import Path
 
 import click
 
-from skinmap.commands.options import (
-    PATH,
-    open_robot,
-    part_option,
-    played_robot_option,
-    prints,
-    publish_option,
-    seconds_option,
-    speed_option,
-)
+from skinmap.commands import options
 from skinmap.report.present import present
 
 
@@ -41,14 +32,14 @@ class ReplayResult:
 
 
 @click.command("replay")
-@click.argument("recording", type=PATH)
-@played_robot_option
-@part_option
-@publish_option("the samples")
-@speed_option("recorded")
+@click.argument("recording", type=options.PATH)
+@options.played_robot_option
+@options.part_option
+@options.publish_option("the samples")
+@options.speed_option("recorded")
 @click.option("--loop", is_flag=True, help="Start again at the end, until Ctrl-C.")
-@seconds_option("Stop after this time [s].")
-@prints(ReplayResult)
+@options.seconds_option("Stop after this time [s].")
+@options.prints(ReplayResult)
 def command(
     recording: Path,
     robot: str | None,
@@ -67,7 +58,7 @@ def command(
     from skinmap.live.publishing.publish import open_publisher, stream
     from skinmap.live.sources.open_source import open_recording
 
-    loaded = open_robot(robot, ())[0] if robot else None
+    loaded = options.open_robot(robot, ())[0] if robot else None
     source = open_recording(recording, robot=loaded, parts=parts or None, speed=speed, loop=loop)
     with closing(source), ExitStack() as ended:
         publisher = None

@@ -13,21 +13,7 @@ from typing import Any, Literal
 import click
 from click.core import ParameterSource
 
-from skinmap.commands.options import (
-    Number,
-    Whole,
-    open_robot,
-    out_file,
-    part_option,
-    per_gesture_option,
-    prints,
-    publish_option,
-    robot_argument,
-    seconds_option,
-    seed_option,
-    word,
-    words,
-)
+from skinmap.commands import options
 from skinmap.commands.overwriting import protect
 from skinmap.commands.progress import progress
 from skinmap.errors import UnknownNameError, check_known, warn
@@ -36,14 +22,14 @@ from skinmap.report.present import present
 
 PHYSICS = ("ours", "mujoco")
 PAIRS = "pairs"
-SHARE, COUNTS = Number(0.0, 1.0), Number(0.0, 255.0)
+SHARE, TIMES, COUNTS = (options.Number(0.0, most) for most in (1.0, 10.0, 255.0))
 # What can be said of the sensors instead of having it drawn (docs/simulator.md).
 SENSING: dict[str, click.ParamType[Any]] = {
     "noise": COUNTS, "drift": COUNTS, "dead": SHARE, "unplaced": SHARE, "stuck": SHARE,
-    "spikes": SHARE, "gaps": Number(0.0, 0.5), "hysteresis": SHARE, "creep": Number(0.0, 10.0),
-    "compression": Number(0.0, 10.0), "cross-talk": SHARE, "gain-spread": Number(0.0, 10.0),
-    "foam-mm": Number(0.0, 1000.0, min_open=True), "saturation": COUNTS,
-    "bits": Whole(1, 8), "rate": Number(0.0, 10_000.0, min_open=True),
+    "spikes": SHARE, "gaps": options.Number(0.0, 0.5), "hysteresis": SHARE, "creep": TIMES,
+    "compression": TIMES, "cross-talk": SHARE, "gain-spread": TIMES,
+    "foam-mm": options.Number(0.0, 1000.0, min_open=True), "saturation": COUNTS,
+    "bits": options.Whole(1, 8), "rate": options.Number(0.0, 10_000.0, min_open=True),
     "raw": click.BOOL,  # values of a stream as sensors send them, 240 at rest
 }  # fmt: skip
 
@@ -164,10 +150,10 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
 
 
 @click.command("simulate")
-@robot_argument
-@part_option
-@per_gesture_option("Touches of each gesture on each part.")
-@words(
+@options.robot_argument
+@options.part_option
+@options.per_gesture_option("Touches of each gesture on each part.")
+@options.words(
     "--gesture",
     "gestures",
     "GESTURE",
@@ -175,7 +161,7 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     "taps and more, with their true motion). May be repeated. With pairs, two of them at once.  "
     "[default: four]",
 )
-@word(
+@options.word(
     "--physics",
     "ours|mujoco[:VARIANT]",
     "Physics of the touches: ours, or MuJoCo on a bed of springs (extra 'mujoco') of "
@@ -183,25 +169,25 @@ def _physics(ctx: click.Context, param: click.Parameter, given: str) -> tuple[st
     shown="ours",
     callback=_physics,
 )
-@word(
+@options.word(
     "--variety",
     "none|some|wide|wider|X",
     "Random spread of touches and sensors: none (pads of fixed sizes on clean "
     "sensors), some, wide, wider, or a number from 0 to 2.",
     shown="wide",
 )
-@words(
+@options.words(
     "--fault",
     "faults",
     "NAME=VALUE",
     f"Fault of the sensors, instead of a random one; may be repeated. {', '.join(SENSING)}.",
     callback=_faults,
 )
-@out_file("Recording to write: .npz or .mcap.", default="touches.npz", guarded=False)
-@publish_option("endless touches instead of recording them")
-@seconds_option("Stop after this time [s]; with --publish only.")
-@seed_option
-@prints(SimulateResult, StreamResult)
+@options.out_file("Recording to write: .npz or .mcap.", default="touches.npz", guarded=False)
+@options.publish_option("endless touches instead of recording them")
+@options.seconds_option("Stop after this time [s]; with --publish only.")
+@options.seed_option
+@options.prints(SimulateResult, StreamResult)
 def command(
     per_gesture: int,
     gestures: tuple[str, ...],
@@ -284,7 +270,7 @@ def work(
     from skinmap.touch.simulation.variety import draw_sensing
 
     check_suffix(output)
-    loaded, names = open_robot(robot, parts)
+    loaded, names = options.open_robot(robot, parts)
     wanted = gesture_set(gestures)
     steps = len(names) * per_gesture * (1 if paired else len(wanted))
     recordings = []
@@ -369,7 +355,7 @@ def publish_touches(
     from skinmap.touch.simulation.hands import gesture_set
     from skinmap.touch.simulation.variety import draw_sensing
 
-    loaded, names = open_robot(robot, parts)
+    loaded, names = options.open_robot(robot, parts)
     answers = replace(draw_sensing(variety, rng=np.random.default_rng(seed)), **sensing)
     source = SimulatedSource(
         loaded,

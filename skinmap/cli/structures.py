@@ -9,17 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from skinmap.commands.options import (
-    choice,
-    open_robot,
-    out_option,
-    part_option,
-    prints,
-    profile_option,
-    read_radius,
-    robot_argument,
-    word,
-)
+from skinmap.commands import options
 from skinmap.errors import warn
 from skinmap.report.present import present
 from skinmap.report.table import Table
@@ -106,23 +96,23 @@ class StructuresResult:
 
 
 @click.command("structures")
-@robot_argument
-@part_option
-@word(
+@options.robot_argument
+@options.part_option
+@options.word(
     "--radius-mm",
     "MM|auto",
     "Radius of a neighbourhood, or auto: between two rings of the lattice.",
     shown="auto",
 )
-@choice(
+@options.choice(
     "--rotations",
     ("1", "4", "6"),
     "Order of the rotations that match structures: 6 (by pi/3) or 4 (square grids).",
     shown=str(ROTATIONS),
 )
-@out_option
-@profile_option("classify", beside=("tolerance_mm", "distance"))
-@prints(StructuresResult)
+@options.out_option
+@options.profile_option("classify", beside=("tolerance_mm", "distance"))
+@options.prints(StructuresResult)
 def command(out: Path | None, as_json: bool, **asked: Any) -> None:
     """Find the neighbourhood shapes that repeat over all parts asked for, turned by pi/3 or not.
 
@@ -158,8 +148,8 @@ def work(
     from skinmap.neighbours.structures import find_structures, usual_radius, usual_tolerance
     from skinmap.touch.prepared_skin import PreparedSkin
 
-    asked, turns, distance = read_radius(radius_mm), int(rotations), distance or "euclidean"
-    loaded, names = open_robot(robot, parts)
+    asked, turns, distance = options.read_radius(radius_mm), int(rotations), distance or "euclidean"
+    loaded, names = options.open_robot(robot, parts)
     skins = {name: PreparedSkin(loaded.skin(name)) for name in names}
     places = [skin.skin.positions for skin in skins.values()]
     radius = asked or auto_radius(places, near=usual_radius(places))

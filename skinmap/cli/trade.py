@@ -11,15 +11,7 @@ from typing import Any
 import click
 
 from skinmap import __version__
-from skinmap.commands.options import (
-    number,
-    open_robot,
-    out_folder,
-    part_option,
-    prints,
-    whole,
-    words,
-)
+from skinmap.commands import options
 from skinmap.commands.progress import progress
 from skinmap.errors import SkinError, check_known
 from skinmap.profile import FORMAT, PROFILE, Value
@@ -48,12 +40,14 @@ ALL = "all"
 
 @click.command("trade")
 @click.argument("robot", default="icub", metavar="[ROBOT]")
-@part_option
-@words("--task", "names", "TASK", "Task to measure: flatten, classify, or all.", shown=(ALL,))
-@number("--max-ms", 0.0, 1e8, "Limit of the time, instead of one sample of a stream.")
-@whole("--seeds", 1, 1000, "Number of repetitions, each with its own touches.", shown=3)
-@out_folder("a plot a task, profile.toml and report.html")
-@prints(TradeResult)
+@options.part_option
+@options.words(
+    "--task", "names", "TASK", "Task to measure: flatten, classify, or all.", shown=(ALL,)
+)
+@options.number("--max-ms", 0.0, 1e8, "Limit of the time, instead of one sample of a stream.")
+@options.whole("--seeds", 1, 1000, "Number of repetitions, each with its own touches.", shown=3)
+@options.out_folder("a plot a task, profile.toml and report.html")
+@options.prints(TradeResult)
 def command(out: Path | None, as_json: bool, **asked: Any) -> None:
     """Measure the time and error of each setting, and recommend one for each task.
 
@@ -95,7 +89,7 @@ def work(
     """
     chosen = _tasks(names)
     limit = None if max_ms is None else max_ms / 1e3
-    loaded, wanted = open_robot(robot, parts)
+    loaded, wanted = options.open_robot(robot, parts)
     points: list[Point] = []
     failed: list[Unmeasured] = []
     recommended: dict[str, Recommended] = {}

@@ -11,19 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import click
 
-from skinmap.commands.options import (
-    PATH,
-    choice,
-    out_file,
-    part_option,
-    prints,
-    profile_option,
-    read_radius,
-    robot_option,
-    seed_option,
-    whole,
-    word,
-)
+from skinmap.commands import options
 from skinmap.commands.progress import progress
 from skinmap.errors import InvalidArrayError, UnknownNameError, check_known
 from skinmap.io.output import staged_file
@@ -167,42 +155,42 @@ class TrainResult:
 
 
 @click.command("train")
-@click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=PATH)
-@robot_option
-@part_option
-@word(
+@click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...", type=options.PATH)
+@options.robot_option
+@options.part_option
+@options.word(
     "--classifier",
     "CLASSIFIER",
     "Classifier by name; an unknown name lists them.",
     shown="contact-geometry",
 )
-@choice(
+@options.choice(
     "--network",
     ("small", "paper"),
     "cnn: a small network (default), or that of the paper, 50 kernels a layer on 66 x 100.",
 )
-@out_file("Model to write.", default="touch.skinmodel")
-@whole(
+@options.out_file("Model to write.", default="touch.skinmodel")
+@options.whole(
     "--with-simulated",
     1,
     1000,
     "Add N simulated touches of each recorded label that the simulator has, on each skin.",
     metavar="N",
 )
-@word(
+@options.word(
     "--groups",
     "hand=LABEL,...;other=LABEL,...",
     "Learn from these labels whether a touch is a hand: each label in one group.",
 )
-@word(
+@options.word(
     "--motion",
     "LABEL,...",
     "Labels that name how a touch moves, beside stroke, pat, tap, rub, slide, twist, squeeze "
     "and hold; all others name with what.",
 )
-@seed_option
-@profile_option("classify", beside=IN_PROFILE)
-@prints(TrainResult)
+@options.seed_option
+@options.profile_option("classify", beside=IN_PROFILE)
+@options.prints(TrainResult)
 def command(as_json: bool, **asked: Any) -> None:
     """Train on RECORDINGS, files and folders of them, of one robot or several.
 
@@ -258,7 +246,9 @@ def work(
     untrained = partial(tuned_classifier, classifier, knobs)
     auto = knobs.get("radius_mm") == "auto"
     if knobs.get("radius_mm") is not None:
-        knobs["radius_mm"] = round(1e3 * (read_radius(str(knobs["radius_mm"])) or RADIUS), 9)
+        knobs["radius_mm"] = round(
+            1e3 * (options.read_radius(str(knobs["radius_mm"])) or RADIUS), 9
+        )
     untrained()  # refuses knobs before anything is read
     found = collect(recordings, robot)
     if auto:

@@ -20,20 +20,20 @@ class BoundedQueue(Generic[Item]):
     ----------
     most : int
         Sum of the sizes that may wait; a single item may be larger.
+
+    Attributes
+    ----------
+    size : int
+        Of what waits, and of what was taken last and may still be in use.
     """
 
     def __init__(self, most: int) -> None:
         self._most = most
         self._items: deque[tuple[Item, int]] = deque()
         self._held = 0
-        self._size = 0
+        self.size = 0
         self._end: Exception | None = None
         self._changed = threading.Condition()
-
-    @property
-    def size(self) -> int:
-        """What waits, and what was taken last and may still be in use."""
-        return self._size
 
     def put(self, item: Item, size: int = 1, *, patience: float | None = None) -> bool:
         """Add an item as soon as there is room; False where none came within `patience` [s].
@@ -47,7 +47,7 @@ class BoundedQueue(Generic[Item]):
             room = self._changed.wait_for(
                 lambda: (
                     not size  # what weighs nothing always has room
-                    or self._size + size <= self._most
+                    or self.size + size <= self._most
                     or not self._items
                     or self._end is not None
                 ),
@@ -64,9 +64,9 @@ class BoundedQueue(Generic[Item]):
         with self._changed:
             self._add(item, size)
             gone = []
-            while self._size > self._most and len(self._items) > 1:
+            while self.size > self._most and len(self._items) > 1:
                 oldest, its_size = self._items.popleft()
-                self._size -= its_size
+                self.size -= its_size
                 gone.append(oldest)
             return gone
 
@@ -103,7 +103,7 @@ class BoundedQueue(Generic[Item]):
                 return []
             taken = [item for item, _ in self._items]
             self._items.clear()
-            self._size = 0
+            self.size = 0
             return taken
 
     def end(self, why: Exception, *, at_once: bool = False) -> None:
@@ -115,17 +115,17 @@ class BoundedQueue(Generic[Item]):
             self._end = self._end or why
             if at_once:
                 self._items.clear()
-                self._size, self._held = 0, 0
+                self.size, self._held = 0, 0
                 self._end = why
             self._changed.notify_all()
 
     def _add(self, item: Item, size: int) -> None:
         self._items.append((item, size))
-        self._size += size
+        self.size += size
         self._changed.notify_all()
 
     def _release(self) -> None:
-        self._size -= self._held
+        self.size -= self._held
         self._held = 0
         self._changed.notify_all()
 

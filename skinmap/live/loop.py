@@ -10,6 +10,7 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +19,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import SkinMismatchError
 from skinmap.io.robots.manifest import load_robot
 from skinmap.live.contacts.contact_tracker import ContactTracker
 from skinmap.live.contacts.named_touch import ContactEvent, Moment, NamedTouch, TouchEvent, taken
@@ -135,6 +135,7 @@ class Feed:
         return max(STALE, 3.0 / rate) if rate > 0 else STALE
 
 
+LEARN = 10.0  # as long as it may take to know that a taxel is stuck [s]
 PACE = 100.0  # labels a second for each part at most
 MAX_SAMPLES = 64  # samples that one step works on
 NAMED = 10  # live ones at most from one naming to the next: who comes late still gets labels
@@ -230,7 +231,7 @@ class TouchLoop(Summary):
             part: (skins or {}).get(part) or PreparedSkin(robot.skin(part)) for part in chosen
         }
         if classifier is not None:
-            check_classifier(classifier, self.skins.values())
+            classifier.check_skins(self.skins.values())
         self._skin = JoinedSkin(self.skins)
         self._gather = gather(info, {part: one.skin for part, one in self.skins.items()})
         self._all = np.array_equal(self._gather, np.arange(info.channels))
@@ -327,24 +328,23 @@ class TouchLoop(Summary):
         self._work(*self._next_run())
         return self._tell(self._show())
 
-    def learn_rest(self, source: Source, seconds: float = float("inf")) -> None:
+    def learn_rest(self, ahead: Source) -> None:
         """Learn what taxels read at rest, and which hang, from the same samples read before.
 
         Parameters
         ----------
-        source : Source
-            Of the same skin, as fast as it is asked; stays open.
-        seconds : float
-            Of its clock, at most.
+        ahead : Source
+            Of the same skin, as fast as it is asked; its beginning is read, and it is closed.
         """
         checks = SampleChecks(self.info, Counts(), seekable=True, taxels=self._gather)
         end = float("nan")
-        for block in blocks(source):
-            end = float(block.times[0]) + seconds if end != end else end
-            for _, _, values in checks.look(block):
-                self._gate.apply(self._responses.apply(values[:, self._gather]))
-            if block.times[-1] >= end:
-                return
+        with closing(ahead):
+            for block in blocks(ahead):
+                end = float(block.times[0]) + LEARN if end != end else end
+                for _, _, values in checks.look(block):
+                    self._gate.apply(self._responses.apply(values[:, self._gather]))
+                if block.times[-1] >= end:
+                    return
 
     def touched_samples(
         self,
@@ -550,17 +550,3 @@ class TouchLoop(Summary):
             "parts": listed(self.skins),
             "classifier": "none" if self._namer is None else self._namer.classifier.name,
         }
-
-
-def check_classifier(classifier: TouchClassifier, skins: Any) -> None:
-    """Refuse a classifier that cannot name touches on one of some skins.
-
-    Raises
-    ------
-    SkinMismatchError
-        It reads taxels by their number, and learnt another skin.
-    """
-    for skin in skins:
-        difference = classifier.difference(skin.skin)
-        if not difference.may_go_on:
-            raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any
 
@@ -69,13 +69,12 @@ class JoinedSkin:
     @cached_property
     def beside(self) -> IntArray:
         """(N, e) taxels beside each, across gaps between patches too, padded with N."""
-        pairs = [skin.geometry.bridged + start for skin, start in self._with_starts()]
-        return padded_neighbours(np.concatenate(pairs), self.count)
+        return padded_neighbours(self._renumbered(lambda one: one.geometry.bridged), self.count)
 
     @cached_property
     def faces(self) -> IntArray:
         """(m, 3) triangles of all meshes; a taxel in none of them is one of no size."""
-        faces = np.concatenate([skin.mesh.faces + start for skin, start in self._with_starts()])
+        faces = self._renumbered(lambda one: one.mesh.faces)
         alone = np.ones(self.count, bool)
         alone[faces.ravel()] = False
         alone[np.flatnonzero(self._representative != np.arange(self.count))] = False
@@ -96,22 +95,22 @@ class JoinedSkin:
 
     @cached_property
     def _representative(self) -> IntArray:
-        return np.concatenate(
-            [skin.mesh.representative + start for skin, start in self._with_starts()]
-        )
+        return self._renumbered(lambda one: one.mesh.representative)
 
-    def _with_starts(self) -> list[tuple[PreparedSkin, int]]:
-        return list(zip(self.skins.values(), self.starts, strict=True))
+    def _renumbered(self, of: Callable[[PreparedSkin], IntArray]) -> IntArray:
+        """What each part says by its rows, in the numbering of all of them."""
+        every = zip(self.skins.values(), self.starts, strict=True)
+        return np.concatenate([of(skin) + start for skin, start in every])
 
     def _links(self) -> IntArray:
         """Pairs of taxels that the meshes join, in both directions, by their first."""
-        return np.concatenate([skin.geometry.links + start for skin, start in self._with_starts()])
+        return self._renumbered(lambda one: one.geometry.links)
 
     def _patches(self) -> IntArray:
         """Number the sheets of all parts one after the other; unplaced taxels are sheets alone."""
         own = []
         before = 0
-        for skin, _ in self._with_starts():
+        for skin in self.skins.values():
             patch = np.array(skin.patches)
             lost = patch < 0
             patch[lost] = patch.max(initial=-1) + 1 + np.arange(lost.sum())

@@ -23,7 +23,6 @@ from skinmap.skin.robot import Robot
 from skinmap.touch.prepared_skin import PreparedSkin
 
 BRIDGE = 0.1  # a taxel that is not touched for longer is touched anew [s], as contacts are
-LEARN = 10.0  # as long as it may take to know that a taxel is stuck [s]
 LONGEST = 0.2  # that a sample stands for: what comes later comes after a gap [s]
 SINCE_EPOCH = 1e8  # from which a time is one of day and not that of a sensor's own clock [s]
 LEAST = 2  # samples of a touch: one alone is a spike
@@ -272,12 +271,9 @@ def touched_in(
             )
         mine = {part: one for part, one in (responses or {}).items() if part in shared}
         loop = TouchLoop(robot, source, parts=shared, skins=skins, responses=mine)
-        try:
-            with closing(open_one(path)) as ahead:
-                loop.learn_rest(ahead, LEARN)
+        with closing(loop):
+            loop.learn_rest(open_one(path))
             found.add(loop, path.name)
-        finally:
-            loop.close()
 
     _readable(paths, add)
     return found

@@ -6,7 +6,7 @@ One name for every touch: touches are told apart as for any classifier, and not 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from skinmap.arrays import FloatArray
-from skinmap.errors import BrokenPluginError, InvalidArrayError, NotFittedError
+from skinmap.errors import BrokenPluginError, InvalidArrayError, NotFittedError, SkinMismatchError
 from skinmap.geometry.proximity import median_spacing
 from skinmap.recognition.catalogue import DEFAULT as DEFAULT
 from skinmap.recognition.catalogue import classifiers as classifiers
@@ -308,6 +308,19 @@ class Classifier(Summary):
                 f"{self.coverage:g} there"
             )
         return replace(found, message="; ".join(filter(None, (found.message, much))))
+
+    def check_skins(self, skins: Iterable[PreparedSkin]) -> None:
+        """Refuse skins on which touches cannot be named.
+
+        Raises
+        ------
+        SkinMismatchError
+            It reads taxels by their number, and learnt another skin.
+        """
+        for skin in skins:
+            difference = self.difference(skin.skin)
+            if not difference.may_go_on:
+                raise SkinMismatchError(f"{self.name!r} cannot go on: {difference.message}")
 
     def trust(self, pitch: float) -> float:
         """How far names are believed on a skin of this pitch [m]: 1 up to `FAR` times those learnt.

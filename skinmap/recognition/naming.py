@@ -263,10 +263,7 @@ def classify(
     """
     every = [recordings] if isinstance(recordings, Recording) else recordings
     skins = prepare_skins(robot, every)
-    for skin in skins.values():
-        difference = classifier.difference(skin.skin)
-        if not difference.may_go_on:
-            raise SkinMismatchError(f"{classifier.name!r} cannot go on: {difference.message}")
+    classifier.check_skins(skins.values())
     return [
         ClassifiedTouch(
             one.part, event, number, said.prediction.label, said.prediction.confidence, recorded

@@ -113,7 +113,9 @@ def test_a_recording_that_refused_every_sample_fails(tmp_path, monkeypatch, icub
             pass
 
     info = StreamInfo("t", ("left_hand",), (48,), 50.0)
-    monkeypatch.setattr("skinmap.cli.record.open_stream", lambda *_, **__: (icub, Refusing(info)))
+    monkeypatch.setattr(
+        "skinmap.commands.options.open_stream", lambda *_, **__: (icub, Refusing(info))
+    )
     said = refuse("record", "zmq:5555", "-o", tmp_path / "t.mcap")
     assert said == "zmq:5555 sent nothing that can be recorded: 159 messages refused"
     assert not (tmp_path / "t.mcap").exists()

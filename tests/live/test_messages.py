@@ -9,15 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skinmap.errors import MessageError
-from skinmap.live.network.network_messages import (
-    HEADER,
-    Header,
-    pack_info,
-    read_json,
-    unpack_header,
-    unpack_info,
-    unpack_values,
-)
+from skinmap.live.network.network_messages import pack_info, read_json, unpack_info
+from skinmap.live.network.zmq_stream import HEADER, Header, unpack_header, unpack_values
 from skinmap.live.sources.source import StreamInfo
 
 INFO = StreamInfo(

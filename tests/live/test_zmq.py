@@ -14,8 +14,8 @@ from hypothesis import strategies as st
 
 from skinmap.errors import MessageError, OutputError, SkinMismatchError, UnreachableError
 from skinmap.live import check_source, open_publisher, open_source
-from skinmap.live.network.network_messages import Address, Header, pack_info
-from skinmap.live.network.zmq_stream import ZmqSource
+from skinmap.live.network.network_messages import Address, pack_info
+from skinmap.live.network.zmq_stream import Header, ZmqSource
 from skinmap.live.sources.source import SILENT, StreamInfo
 
 DEADLINE = 30.0  # [s]; only a fault takes as long

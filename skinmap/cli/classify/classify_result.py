@@ -86,13 +86,61 @@ class ContactLoad:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class NamedRow:
+class NamedTouchRow:
+    """A touch with its name and its motion.
+
+    Attributes
+    ----------
+    touch
+        Number of the touch.
+    part
+        Name of the part.
+    label
+        Label of the touch.
+    names
+        With `--coverage`, the names that hold the truth as often, the likeliest first; none of
+        them where no name is likely enough. Else null.
+    channels
+        Places of its taxels in the live vector of the part; stuck ones are left out.
+    heading
+        Direction in the axes of the part: up, down, round left or right as seen facing
+        the skin, to and fro, or still.
+    up_mm
+        Displacement along the up axis of the part.
+    right_mm
+        Displacement along the right axis of the part.
+    speed_mm_s
+        While it moved evenly; 0 where it stayed.
+    presses
+        Number of separate presses.
+    kind, motion, hand
+        With what, how it moved, and whether it was a hand; null where it was too short to be named.
+    load
+        Force and pressures, with `--calibration`; else null.
+    """
+
+    touch: int
+    part: str
+    label: str
+    names: list[str] | None
+    channels: list[int]
+    heading: str
+    up_mm: float
+    right_mm: float
+    speed_mm_s: float
+    presses: int
+    kind: Answer | None
+    motion: Answer | None
+    hand: HandAnswer | None
+    load: ContactLoad | None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NamedRow(NamedTouchRow):
     """A touch of a recording.
 
     Attributes
     ----------
-    part
-        Name of the part.
     event
         Number of the recorded event.
     touch
@@ -101,16 +149,10 @@ class NamedRow:
         The name given; `no_contact` and `unknown` too.
     confidence
         Confidence in the label, 0 to 1.
-    names
-        With `--coverage`, the names that hold the truth as often, the likeliest first; none of
-        them where no name is likely enough. Else null.
     recorded_label
         The name that it was recorded with.
     channels
         Places of its taxels in the live vector of the part.
-    heading
-        Direction in the axes of the part: up, down, round left or right as seen facing
-        the skin, to and fro, or still.
     up_mm
         Displacement along the up axis of the part, in the longest press.
     right_mm
@@ -119,38 +161,29 @@ class NamedRow:
         Length of the course of the centre along the skin; 0 where it stayed.
     speed_mm_s
         Speed of the centre along the skin; 0 where it stayed.
-    presses
-        Number of separate presses.
     period_ms
         Time between presses; null for a single press.
     twist_deg
         Turn of the contact about its normal.
     kind, motion, hand
         With what, how it moved, and whether it was a hand; null where nothing was touched.
-    load
-        Force and pressures, with `--calibration`; else null.
     """
 
-    part: str
     event: int
-    touch: int
-    label: str
     confidence: float
-    names: list[str] | None
     recorded_label: str
-    channels: list[int]
-    heading: str
-    up_mm: float
-    right_mm: float
     way_mm: float
-    speed_mm_s: float
-    presses: int
     period_ms: float | None
     twist_deg: float
-    kind: Answer | None
-    motion: Answer | None
-    hand: HandAnswer | None
-    load: ContactLoad | None
+
+    @property
+    def force(self) -> str:
+        """Newtons with their interval, or why there are none; empty without a calibration."""
+        if self.load is None:
+            return ""
+        if self.load.force_n is None or self.load.force_n_90 is None:
+            return self.load.refused
+        return "{:.3g} N ({:.3g} to {:.3g})".format(self.load.force_n, *self.load.force_n_90)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -201,23 +234,15 @@ class ClassifyResult:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class LiveTouch:
+class LiveTouch(NamedTouchRow):
     """A line for each touch of a live source, when it is over.
 
     Attributes
     ----------
     event
         Kind of the line, always `touch`.
-    touch
-        Number of the touch.
-    part
-        Name of the part.
-    label
-        Label of the touch.
     confidence
         0 to 1; null where it was too short to be named.
-    names
-        With `--coverage`, the names that hold the truth as often. Else null.
     start_s, duration_s
         In the source's clock.
     area_mm2, area_least_mm2
@@ -230,38 +255,17 @@ class LiveTouch:
         Centre of its load at its heaviest moment, in the frame of the link.
     contacts
         Numbers of the contacts in the touch.
-    heading
-        Direction in the axes of the part: up, down, round left or right as seen facing
-        the skin, to and fro, or still.
-    up_mm
-        Displacement along the up axis of the part.
-    right_mm
-        Displacement along the right axis of the part.
-    speed_mm_s
-        While it moved evenly; 0 where it stayed.
-    presses
-        Number of separate presses.
     period_s
         Mean time between presses; null for a single press.
-    kind, motion, hand
-        With what, how it moved, and whether it was a hand; null where it was too short to be named.
-    channels
-        Places of its taxels in the live vector of the part; stuck ones are left out.
     early_label, early_s
         The name that it had while it went on, and how long after its beginning that stood; null
         where it had none.
-    load
-        Force and pressures, with `--calibration`; else null.
     unfinished
         Whether it was still touched when the samples ended: its name is the one until then.
     """
 
     event: Literal["touch"] = "touch"
-    touch: int
-    part: str
-    label: str
     confidence: float | None
-    names: list[str] | None
     start_s: float
     duration_s: float
     area_mm2: float
@@ -270,19 +274,9 @@ class LiveTouch:
     peak: float
     centre_mm: list[float]
     contacts: int
-    heading: str
-    up_mm: float
-    right_mm: float
-    speed_mm_s: float
-    presses: int
     period_s: float | None
     early_label: str | None
     early_s: float | None
-    kind: Answer | None
-    motion: Answer | None
-    hand: HandAnswer | None
-    channels: list[int]
-    load: ContactLoad | None
     unfinished: bool
 
     @classmethod

@@ -16,18 +16,7 @@ from skinmap.cli.classify.classify_result import (
     NamedRow,
     health_lines,
 )
-from skinmap.commands.options import (
-    Number,
-    calibration_option,
-    part_option,
-    prints,
-    publish_option,
-    response_option,
-    robot_option,
-    seconds_option,
-    seed_option,
-    words,
-)
+from skinmap.commands import options
 from skinmap.report.present import present
 from skinmap.report.table import Table
 
@@ -36,27 +25,27 @@ SUFFIX = ".skinmodel"  # as `skinmap.recognition.model_file` has it; a test comp
 
 @click.command("classify")
 @click.argument("files", nargs=-1, required=True, metavar="[MODEL] SOURCE")
-@robot_option
-@part_option
-@seconds_option("Stop after this time [s]; live sources only.")
-@publish_option("pressures, contacts and labels", multiple=True)
-@response_option
-@calibration_option
+@options.robot_option
+@options.part_option
+@options.seconds_option("Stop after this time [s]; live sources only.")
+@options.publish_option("pressures, contacts and labels", multiple=True)
+@options.response_option
+@options.calibration_option
 @click.option(
     "--coverage",
-    type=Number(0.0, 1.0, min_open=True, max_open=True),
+    type=options.Number(0.0, 1.0, min_open=True, max_open=True),
     help="Promised share of touches whose set of names holds the truth, such as 0.9; sets look "
     "like `poke or edge`.",
 )
-@seed_option
-@words(
+@options.seed_option
+@options.words(
     "--gesture",
     "gestures",
     "GESTURE",
     "Gestures of the source sim, with commas between; or four, eight, "
     "all, hand, other, time. May be repeated.  [default: four]",
 )
-@prints(ClassifyResult, live=(LiveTouch, LiveSummary))
+@options.prints(ClassifyResult, live=(LiveTouch, LiveSummary))
 def command(files: tuple[str, ...], coverage: float | None, as_json: bool, **how: Any) -> None:
     """Name touches with a confidence from 0 to 1.
 
@@ -162,11 +151,8 @@ def _lines(result: ClassifyResult) -> Iterator[str | Table]:
     rows = [replace(touch, label=said(touch)) for touch in result.touches]
     shown = "part event touch label confidence recorded_label=recorded"
     shown += " heading" if any(row.heading != "still" for row in rows) else ""
-    table = Table.of(NamedRow, rows, shown)
-    if any(row.load is not None for row in rows):
-        cells = [[*own, _force(row)] for own, row in zip(table.rows, rows, strict=True)]
-        table = Table([*table.columns, "force (90 %)"], cells)
-    yield table
+    shown += " force=force_(90_%)" if any(row.load is not None for row in rows) else ""
+    yield Table.of(NamedRow, rows, shown)
     yield from health_lines(result.health)
     right = round((result.accuracy or 0.0) * result.events)
     yield f"{right} of {result.events} as recorded"
@@ -175,12 +161,3 @@ def _lines(result: ClassifyResult) -> Iterator[str | Table]:
             f"{100 * result.sets.held:.1f} % of the sets hold the recorded name "
             f"({100 * result.sets.coverage:g} % asked for), {result.sets.mean_size:.2f} names each"
         )
-
-
-def _force(touch: NamedRow) -> str:
-    """Newtons of a row with their interval, or why there are none."""
-    if touch.load is None:
-        return ""
-    if touch.load.force_n is None or touch.load.force_n_90 is None:
-        return touch.load.refused
-    return "{:.3g} N ({:.3g} to {:.3g})".format(touch.load.force_n, *touch.load.force_n_90)

@@ -30,7 +30,7 @@ from skinmap.errors import SkinMismatchError, UnknownNameError
 from skinmap.io.recordings.touch_files import read_recordings
 from skinmap.live.contacts.contact_motion import MotionBook, recorded_course
 from skinmap.live.contacts.named_touch import UNNAMED, Moment, TouchEvent
-from skinmap.live.loop import TouchLoop, check_classifier
+from skinmap.live.loop import TouchLoop
 from skinmap.live.publishing.publish import open_publisher
 from skinmap.live.response.loads import (
     AROUND,
@@ -46,13 +46,12 @@ from skinmap.live.response.pressures import load_responses
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.live.sources.open_source import open_source
 from skinmap.live.sources.source import Counts, SourceEnded, is_live
-from skinmap.live.touched_taxels import LEARN
 from skinmap.recognition.answering import lacking
 from skinmap.recognition.classifier import Prediction, TouchClassifier
 from skinmap.recognition.naming import FINGERTIP, in_words, named_events
 from skinmap.report.present import emit_line, object_of
 from skinmap.touch.contacts.motion_features import MM, MOTION_FEATURES, motion_features
-from skinmap.touch.contacts.rest import ENOUGH, Rest
+from skinmap.touch.contacts.rest import ENOUGH
 from skinmap.touch.load_calibration import LoadCalibration
 from skinmap.touch.prepared_skin import PreparedSkin, prepare_skins
 from skinmap.touch.recording import JOIN, Recording
@@ -106,9 +105,7 @@ def classify_live(
             singly=not followed,  # so that it ends at the very sample
         )
         if not followed and Path(spec).exists():  # what lies there can be looked at before
-            again = open_source(spec, robot=loaded, parts=chosen, speed=float("inf"))
-            with closing(again) as ahead:
-                loop.learn_rest(ahead, LEARN)
+            loop.learn_rest(open_source(spec, robot=loaded, parts=chosen, speed=float("inf")))
         _note(classifier, loop.skins)
         run = _Run(loop, spec, classifier.name, paced=np.isfinite(speed), as_json=as_json)
         for one in publish:
@@ -336,7 +333,7 @@ def name_recorded(
             "its robot by --robot"
         )
     skins = prepare_skins(loaded, chosen)
-    check_classifier(classifier, skins.values())
+    classifier.check_skins(skins.values())
     people: dict[str, dict[str, None]] = {part: {} for part in skins}
     for one in chosen:
         people[one.part] |= dict.fromkeys(one.people)
@@ -378,18 +375,15 @@ def _health(
     recordings: Sequence[Recording], skins: Mapping[str, PreparedSkin]
 ) -> dict[str, Health]:
     """Channels that hang or are noisy between the touches, by part."""
-    found: dict[str, list[Rest]] = {}
-    for one in recordings:
-        found.setdefault(one.part, []).append(one.rest())
     health = {}
-    for part, rests in found.items():
-        channels = skins[part].skin.channels
-        stuck = np.any([rest.stuck for rest in rests], axis=0)
-        noisy = np.any([rest.noisy for rest in rests], axis=0)
-        if stuck.any() or noisy.any():
-            health[part] = Health(
-                stuck=channels[stuck].tolist(), noisy=channels[noisy].tolist(), dead=[], unheard=[]
-            )
+    for part, skin in skins.items():
+        rests = [one.rest() for one in recordings if one.part == part]
+        stuck, noisy = (
+            skin.skin.channels[np.any(rows, axis=0)].tolist()
+            for rows in ([rest.stuck for rest in rests], [rest.noisy for rest in rests])
+        )
+        if stuck or noisy:
+            health[part] = Health(stuck=stuck, noisy=noisy, dead=[], unheard=[])
     return health
 
 

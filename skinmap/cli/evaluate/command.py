@@ -18,22 +18,7 @@ import numpy as np
 from click.core import ParameterSource
 from msgspec import Meta, Struct, ValidationError, convert
 
-from skinmap.commands.options import (
-    PATH,
-    WorkerOptions,
-    Written,
-    choice,
-    file_option,
-    out_folder,
-    part_option,
-    per_gesture_option,
-    prints,
-    seed_option,
-    whole,
-    word,
-    words,
-    workers_options,
-)
+from skinmap.commands import options
 from skinmap.commands.progress import progress
 from skinmap.errors import unknown_name
 from skinmap.io.output import staged_file
@@ -187,55 +172,57 @@ CLEAN = ("kaspar", "baxter")  # protocols of papers: pads of fixed sizes on clea
 
 
 @click.command("evaluate")
-@click.argument("recordings", nargs=-1, metavar="[RECORDING...]", type=PATH)
-@word(
+@click.argument("recordings", nargs=-1, metavar="[RECORDING...]", type=options.PATH)
+@options.word(
     "--protocol",
     "|".join(PROTOCOLS) + "|RECORDING",
     "Protocol to run; recordings are cross-validated by touch event.",
 )
-@word("--robot", "ROBOT", "Robot to simulate on, or that was recorded.")
-@part_option
-@whole("--seeds", 1, 1000, "Repetitions.  [default: 5; baxter: 10, physics, time, force: 1]")
-@words("--classifier", "names", "CLASSIFIER", "Only this one; may be repeated.")
-@per_gesture_option(
+@options.word("--robot", "ROBOT", "Robot to simulate on, or that was recorded.")
+@options.part_option
+@options.whole(
+    "--seeds", 1, 1000, "Repetitions.  [default: 5; baxter: 10, physics, time, force: 1]"
+)
+@options.words("--classifier", "names", "CLASSIFIER", "Only this one; may be repeated.")
+@options.per_gesture_option(
     "cross-patch, physics, time, force: touches of each gesture on each patch or part."
 )
-@word(
+@options.word(
     "--variety",
     "none|some|wide|wider|X",
     "Random spread of simulated touches and sensors, as in `skinmap simulate`.  "
     "[default: wide; kaspar, baxter: none, as in the papers; physics: wider]",
 )
-@choice(
+@options.choice(
     "--sampling",
     ("random", "paper"),
     "kaspar: draw samples at random, or every 50th and 10th as published.",
 )
-@choice("--network", ("small", "paper"), "baxter: a small network, or that of the paper.")
-@words("--set", "own", "NAME=VALUE", "A setting of the protocol (below); may be repeated.")
-@choice(
+@options.choice("--network", ("small", "paper"), "baxter: a small network, or that of the paper.")
+@options.words("--set", "own", "NAME=VALUE", "A setting of the protocol (below); may be repeated.")
+@options.choice(
     "--leave-out",
     ("event", "session", "person", "place", "part"),
     "recordings: train without each of them in turn, beside touches dealt out (event) and "
     "controls by what the skin read before the touches; may be repeated.",
     multiple=True,
 )
-@file_option(
+@options.file_option(
     "--predictions",
-    Written(".npz"),
+    options.Written(".npz"),
     "load, prints: archive of arrays to write: each answer, with its interval.",
 )
-@workers_options(resume=True)
-@out_folder("evaluation.json, report.html and the picture of the sweep")
-@seed_option
-@prints(*get_args(EvaluateResult))
+@options.workers_options(resume=True)
+@options.out_folder("evaluation.json, report.html and the picture of the sweep")
+@options.seed_option
+@options.prints(*get_args(EvaluateResult))
 def command(
     recordings: tuple[Path, ...],
     protocol: str | None,
     as_json: bool,
     out: Path | None,
-    spread: WorkerOptions,
-    **options: Any,
+    spread: options.WorkerOptions,
+    **asked: Any,
 ) -> None:
     """Run an evaluation protocol and print its tables.
 
@@ -277,26 +264,26 @@ def command(
               skinmap evaluate --protocol kaspar --set sweep=yes --jobs 4 --resume kaspar.resume
     """
     chosen, files = _protocol(protocol, recordings)
-    if options["predictions"] and chosen not in PREDICTING:
+    if asked["predictions"] and chosen not in PREDICTING:
         raise click.UsageError(f"--predictions: {chosen} writes none; of {', '.join(PREDICTING)}")
-    if options["names"] and chosen in UNNAMED:
+    if asked["names"] and chosen in UNNAMED:
         raise click.UsageError(f"--protocol {chosen} trains no classifier: no --classifier")
     given = click.get_current_context().get_parameter_source("per_gesture")
     if given is ParameterSource.COMMANDLINE and chosen not in COUNTED:
         raise click.UsageError(f"--per-gesture is of {', '.join(COUNTED)}; not of {chosen}")
-    own = [*options.pop("own")]
+    own = [*asked.pop("own")]
     for name, only in {"sampling": "kaspar", "network": "baxter"}.items():
-        value = options.pop(name)
+        value = asked.pop(name)
         if value and chosen != only:
             raise click.UsageError(f"--{name} is of {only}; not of {chosen}")
         own[:0] = [f"{name}={value}"] if value else []
-    options["seeds"] = options["seeds"] or SEEDS.get(chosen, 5)
-    options["variety"] = _variety(chosen, options["variety"])
+    asked["seeds"] = asked["seeds"] or SEEDS.get(chosen, 5)
+    asked["variety"] = _variety(chosen, asked["variety"])
     evaluation = find_evaluation(chosen)
-    asked = own_settings(evaluation.settings, chosen, own)
+    settled = own_settings(evaluation.settings, chosen, own)
     with spread.open(f"evaluate {chosen}") as workers:
         settings = Settings(
-            recordings=files, workers=workers, own=asked, pictures=out is not None, **options
+            recordings=files, workers=workers, own=settled, pictures=out is not None, **asked
         )
         result = evaluation.work(settings)
     title = f"{result.robot}: evaluation, {result.protocol}"

@@ -343,25 +343,15 @@ def loads_lines(result: LoadsResult) -> Iterator[str | Table]:
         f"{result.robot}, {result.calibrated} of them calibrated (model {result.model}); answers "
         "come from the samples and the calibration alone"
     )
-
-    table = Table.of(
+    yield Table.of(
         LoadRow,
         result.rows,
         "recording rms_bar:.3f=error_[bar] holds:%=inside_90_%_[%] width_bar:.3f=width_[bar] "
-        "refused:%=refused_[%] answered=taxels_that_answer",
+        "refused:%=refused_[%] answered=taxels_that_answer zero=zero",
     )
-    zeros = map(_zero_words, result.rows)
-    rows = [[*cells, zero] for cells, zero in zip(table.rows, zeros, strict=True)]
-    yield Table([*table.columns, "zero"], rows)
     for row in result.rows:
         if row.reason:
             yield f"{row.recording}: not judged: {row.reason}"
-
-
-def _zero_words(row: LoadRow) -> str:
-    if row.zeroed or row.zero_age_seconds is None:
-        return "its own" if row.zeroed else "the calibration's"
-    return f"the calibration's, {row.zero_age_seconds / 3600.0:.1f} h old"
 
 
 EVALUATIONS = {

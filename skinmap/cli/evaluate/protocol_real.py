@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 from msgspec import Meta
@@ -75,7 +75,7 @@ def judge_fingers(settings: Settings) -> FingersResult:
     data, skin, facts = pressed_skin(settings, ARCHIVE, FOLDER)
     classes = protocol.check_fingers(finger_counts(data, facts["archive"]))
     regions, numbers, counted = None, [], []
-    with progress(2 * (2 + settings.seeds * protocol.REGIONS), "fingers") as advance:
+    with progress(2 * (2 + settings.seeds), "fingers") as advance:
         for first in (None, protocol.FIRST):
             found = protocol.describe(skin, data.files, first=first)
             # The control's places are those of the touches: the same recordings are left out.
@@ -248,61 +248,66 @@ class Pitch(Own):
     pitch_mm: Annotated[float, Meta(gt=0.0, le=100.0)] = 345.0 / 72.0
 
 
-class Grid:
+class Grid(NamedTuple):
     """One file: `readings (t, rows, columns)`, and where they are there `prints` and `person`."""
 
-    def __init__(self, path: Path) -> None:
-        check_file(path, "an archive of readings (.npz)", 2**32)
-        with open_arrays(path, "an archive of arrays") as found:
-            names = ("readings", "prints", "person")
-            held = {name: found[name] for name in names if name in found.files}
-            there = ", ".join(sorted(found.files)) or "none"
-        if "readings" not in held:
-            raise DataFormatError(f"no array 'readings'; its arrays: {there}", path)
-        self.path, self._held = path, held
-        self.readings = self._numbers("readings", 3)
-        count, rows, columns = self.readings.shape
-        if not (count and rows > 1 and columns > 1):
-            raise DataFormatError(f"readings of shape {self.readings.shape}: no images", path)
-        self.prints = held.get("prints")
-        if self.prints is not None:
-            self._check_prints(rows, columns)
-        self.person: IntArray | None = None
-        if "person" in held:
-            if held["person"].dtype.kind == "U":  # names
-                held["person"] = np.unique(held["person"], return_inverse=True)[1]
-            self.person = self._numbers("person", 1)
-            if len(self.person) != count:
-                raise DataFormatError(f"person of {len(self.person)} for {count} images", path)
-
-    def _numbers(self, name: str, ndim: int) -> NDArray[Any]:
-        array = self._held[name]
-        if array.ndim != ndim or array.dtype.kind not in "buif" or not np.isfinite(array).all():
-            raise DataFormatError(
-                f"{name} of shape {array.shape} and type {array.dtype}: expected finite numbers "
-                f"in {ndim} dimensions",
-                self.path,
-            )
-        return array
-
-    def _check_prints(self, rows: int, columns: int) -> None:
-        assert self.prints is not None
-        shape, count = self.prints.shape, len(self.readings)
-        if self.prints.dtype == np.uint8 and len(shape) == 3 and shape[0] == count:
-            fine = shape[1] // rows
-            if fine and shape[1] == fine * rows and 8 * shape[2] == fine * columns:
-                return
-        raise DataFormatError(
-            f"prints of shape {shape} and type {self.prints.dtype} for readings of shape "
-            f"{self.readings.shape}: expected uint8 ({count}, {rows} x f, {columns} x f / 8) "
-            "packed bits",
-            self.path,
-        )
+    path: Path
+    readings: NDArray[Any]
+    prints: NDArray[np.uint8] | None
+    person: IntArray | None
 
     def pictures(self) -> Iterator[NDArray[np.uint8]]:
         """Each print, unpacked."""
         assert self.prints is not None
         return (np.unpackbits(one, axis=1) for one in self.prints)
+
+
+def read_grid(path: Path) -> Grid:
+    """Read an archive of readings.
+
+    Raises
+    ------
+    DataFormatError
+        Arrays of other shapes or types, or that do not fit together.
+    """
+    check_file(path, "an archive of readings (.npz)", 2**32)
+    with open_arrays(path, "an archive of arrays") as found:
+        held = {name: found[name] for name in Grid._fields if name in found.files}
+        there = ", ".join(sorted(found.files)) or "none"
+    if "readings" not in held:
+        raise DataFormatError(f"no array 'readings'; its arrays: {there}", path)
+    readings, prints, person = held["readings"], held.get("prints"), held.get("person")
+    _check_numbers(path, "readings", readings, 3)
+    count, rows, columns = readings.shape
+    if not (count and rows > 1 and columns > 1):
+        raise DataFormatError(f"readings of shape {readings.shape}: no images", path)
+    if prints is not None:
+        _, high, wide = prints.shape if prints.ndim == 3 else (0, 0, 0)
+        fine = high // rows
+        fits = len(prints) == count and (high, 8 * wide) == (fine * rows, fine * columns)
+        if not (fine and fits) or prints.dtype != np.uint8:
+            raise DataFormatError(
+                f"prints of shape {prints.shape} and type {prints.dtype} for readings of shape "
+                f"{readings.shape}: expected uint8 ({count}, {rows} x f, {columns} x f / 8) "
+                "packed bits",
+                path,
+            )
+    if person is not None:
+        if person.dtype.kind == "U":  # names
+            person = np.unique(person, return_inverse=True)[1]
+        _check_numbers(path, "person", person, 1)
+        if len(person) != count:
+            raise DataFormatError(f"person of {len(person)} for {count} images", path)
+    return Grid(path, readings, prints, person)
+
+
+def _check_numbers(path: Path, name: str, array: NDArray[Any], ndim: int) -> None:
+    if array.ndim != ndim or array.dtype.kind not in "buif" or not np.isfinite(array).all():
+        raise DataFormatError(
+            f"{name} of shape {array.shape} and type {array.dtype}: expected finite numbers "
+            f"in {ndim} dimensions",
+            path,
+        )
 
 
 def judge_prints(settings: Settings) -> PrintsResult:
@@ -313,7 +318,7 @@ def judge_prints(settings: Settings) -> PrintsResult:
     SkinError
         A file that is missing, damaged, without prints to train on, or with too few people.
     """
-    train, test = (Grid(path) for path in settings.recordings)
+    train, test = map(read_grid, settings.recordings)
     for name in ("prints", "person"):
         if getattr(train, name) is None:
             raise DataFormatError(f"no array {name!r} to train on", train.path)

@@ -10,9 +10,8 @@ Errors of direction and speed are those of strokes whose truth is known.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Any
+from typing import Any, NamedTuple
 
 import click
 import numpy as np
@@ -238,8 +237,7 @@ LEAST = 0.05  # shorter ways are not judged [m]
 LAG = 0.1  # a velocity is compared with the true one of the time before [s]
 
 
-@dataclass(frozen=True, slots=True)
-class StrokeError:
+class StrokeError(NamedTuple):
     """Of one stroke.
 
     Attributes

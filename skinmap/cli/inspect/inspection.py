@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +50,7 @@ def inspect_part(robot: Robot, name: str) -> PartRow:
             "covered": int(found.covered.sum()),
         }
         standing = judge_standing(skin, mesh, found, spec.cover)
-        warnings = _fit_warnings(found, standing, spec.cover * MM)
+        warnings = [*_fit_warnings(found, standing, spec.cover * MM)]
     if len(skin) < 3:
         warnings.append("too few taxels for a surface: each stands for a disc")
     warnings += _without_surface(skin)
@@ -193,7 +193,7 @@ def _row(
     )
 
 
-def _shared_places(table: TaxelTable, layout: ModuleLayout | None) -> list[str]:
+def _shared_places(table: TaxelTable, layout: ModuleLayout | None) -> Iterator[str]:
     """Modules whose taxels all lie at one place, and other channels that share one."""
     _, place = np.unique(table.positions, axis=0, return_inverse=True)
     whole, alike = [], {}
@@ -204,52 +204,43 @@ def _shared_places(table: TaxelTable, layout: ModuleLayout | None) -> list[str]:
             whole.append(int(table.modules[rows[0]]))
         else:
             alike[here] = " and ".join(map(str, table.channels[rows].tolist()))
-    notes = [f"all taxels of module {module} are at one place" for module in whole[:4]]
+    yield from (f"all taxels of module {module} are at one place" for module in whole[:4])
     if alike:
-        notes.append(f"channels at one place: {first_few(list(alike.values()))}")
-    return notes
+        yield f"channels at one place: {first_few(list(alike.values()))}"
 
 
-def _fit_warnings(found: SkinFit, standing: Standing, cover_mm: float) -> list[str]:
-    warnings = []
+def _fit_warnings(found: SkinFit, standing: Standing, cover_mm: float) -> Iterator[str]:
     if found.inward.any():
-        warnings.append(f"{found.inward.sum()} normals point into the body")
+        yield f"{found.inward.sum()} normals point into the body"
     if standing.why == "on it":
-        return warnings
+        return
     steady = (
         f"the skin stands a steady {np.median(found.distance) * MM:.1f} mm off the link "
         f"({standing.low * MM:.0f} to {standing.high * MM:.0f})"
     )
     if standing.why == "a frame":
         there = f" and its cover of {cover_mm:g} mm" if cover_mm else ""
-        warnings.append(
-            f"{standing.far} taxels are more than {FAR * MM:.0f} mm off the link{there}: "
-            "frame or unit"
-        )
+        far = f"{standing.far} taxels are more than {FAR * MM:.0f} mm off the link{there}"
+        yield f"{far}: frame or unit"
     elif standing.why == "a cover":
         said = f", not {cover_mm:g}" if cover_mm else ""
-        warnings.append(f"{steady}{said}: a cover? set cover_mm in the manifest")
+        yield f"{steady}{said}: a cover? set cover_mm in the manifest"
     else:
-        warnings.append(
-            f"{steady}: a cover (set cover_mm), or its frame is {standing.shift * MM:.0f} mm off"
-        )
-    return warnings
+        yield f"{steady}: a cover (set cover_mm), or its frame is {standing.shift * MM:.0f} mm off"
 
 
-def _same_place(robot: Robot, name: str) -> list[str]:
+def _same_place(robot: Robot, name: str) -> Iterator[str]:
     """Other parts, or pieces of this one, that stand where it stands: the pose is missing."""
     link, own = robot.part(name).link, robot.repair(name).table
-    warnings = []
     shells = [own.positions[own.pieces == k] for k in range(int(own.pieces.max(initial=-1)) + 1)]
     for k, shell in enumerate(shells):
         if any(_coincide(shell, other) for other in shells[:k]):
-            warnings.append(f"piece {k + 1} stands where another piece stands: give it a pose")
+            yield f"piece {k + 1} stands where another piece stands: give it a pose"
     for other in robot.parts[: robot.parts.index(name)]:
         if robot.part(other).link == link and _coincide(
             own.positions, robot.repair(other).table.positions
         ):
-            warnings.append(f"stands where part {other} stands: give it a pose")
-    return warnings
+            yield f"stands where part {other} stands: give it a pose"
 
 
 def _coincide(one: FloatArray, other: FloatArray) -> bool:
@@ -267,27 +258,23 @@ def _without_surface(skin: Skin) -> list[str]:
     return [left_out] if left_out else []
 
 
-def _module_warnings(check: ModuleCheck, side: float | None) -> list[str]:
-    warnings = []
+def _module_warnings(check: ModuleCheck, side: float | None) -> Iterator[str]:
     if check.missing:
-        warnings.append(f"no taxels of modules {first_few(check.missing)}, which the URDF has")
+        yield f"no taxels of modules {first_few(check.missing)}, which the URDF has"
     if check.swapped:
         pairs = [f"{module} at {there}" for module, there in check.swapped.items()]
-        warnings.append(f"modules stand where the URDF has others: {first_few(pairs)}")
+        yield f"modules stand where the URDF has others: {first_few(pairs)}"
     if check.rotated:
-        warnings.append(f"modules {first_few(check.rotated)} are turned in their plane")
+        yield f"modules {first_few(check.rotated)} are turned in their plane"
     if check.mirrored:
-        warnings.append(
-            f"modules {first_few(check.mirrored)} are mirrored: their slots run backwards"
-        )
+        yield f"modules {first_few(check.mirrored)} are mirrored: their slots run backwards"
     if check.misfit:
         size = f" ({check.scale:.2f} times its size)" if abs(check.scale - 1.0) > 0.01 else ""
-        warnings.append(f"modules {first_few(check.misfit)} do not fit the layout{size}")
+        yield f"modules {first_few(check.misfit)} do not fit the layout{size}"
     if 2 * max(len(check.misfit), len(check.mirrored)) > check.modules:
-        warnings.append("most modules are not of this layout: compare slots, side and sense")
+        yield "most modules are not of this layout: compare slots, side and sense"
     if side is not None and abs(check.side / side - 1.0) > OFF_SIDE:
-        warnings.append(f"module side {check.side * MM:.1f} mm, the layout has {side * MM:.1f} mm")
-    return warnings
+        yield f"module side {check.side * MM:.1f} mm, the layout has {side * MM:.1f} mm"
 
 
 def _twin(name: str) -> str:

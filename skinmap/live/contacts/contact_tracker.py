@@ -14,23 +14,24 @@ from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.geometry.point_surface import SurfaceWalker
 from skinmap.live.contacts.named_touch import ContactEvent, Happening
 from skinmap.live.contacts.sample_contacts import (
-    LANDED,
-    NEAR,
     PARTED,
     PRINT,
-    RELEASE,
-    SAMPLES,
     SETTLED,
     Components,
     Cutter,
     Pieces,
     Track,
-    claim,
     measure,
 )
 from skinmap.live.robot_skin import JoinedSkin
 from skinmap.touch.contacts.skin_geometry import ACTIVE
 
+RELEASE = 0.75 * ACTIVE  # a taxel that was active stays so down to here [counts]
+SAMPLES = 1.5  # contacts never join or part from one sample to the next, however slow the stream
+# What lands as one with a saddle below this share of the lower summit is two; between this and
+# `PARTED` a contact stays what it is.
+LANDED = 0.5
+NEAR = 16e-3  # from a contact: what is smaller than a print there is a piece of it [m]
 BRIDGE = 0.1  # a contact that is not felt for so long is over [s]
 LOOK = 0.25  # between two looks at a contact for a saddle: it must be there twice [s]
 LARGER = 2.0  # times its area is the contact that a piece has broken off
@@ -329,3 +330,32 @@ class ContactTracker:
         x, y, z = track.centre.tolist()
         part = self.skin.parts[track.part]
         self.events.append(ContactEvent(kind, track.identity, other, part, time, (x, y, z)))
+
+
+def claim(
+    pieces: Pieces, owner: IntArray, tracks: int
+) -> tuple[dict[int, list[int]], dict[int, int], list[int]]:
+    """Which tracks each component goes on for, pieces off a track, and new components.
+
+    A track goes on in the component that bears most load on taxels that were its own.
+    """
+    count = int(pieces.component.max()) + 1
+    if tracks == 0:
+        return {}, {}, list(range(count))
+    key = pieces.component * (tracks + 1) + owner + 1
+    shared = np.bincount(key, pieces.pressures, minlength=count * (tracks + 1))
+    shared = shared.reshape(count, tracks + 1)[:, 1:]
+    main = np.where(shared.max(axis=0) > 0, shared.argmax(axis=0), -1).tolist()
+    claims: dict[int, list[int]] = {}
+    for track, piece in enumerate(main):
+        if piece >= 0:
+            claims.setdefault(piece, []).append(track)
+    splinters, orphans = {}, []
+    heaviest = shared.max(axis=1).tolist()
+    for piece in range(count):
+        if piece not in claims:
+            if heaviest[piece] > 0:
+                splinters[piece] = int(shared[piece].argmax())
+            else:
+                orphans.append(piece)
+    return claims, splinters, orphans

@@ -23,7 +23,6 @@ from skinmap.touch.prepared_skin import PreparedSkin
 
 SPIKE = 0.5  # of its pressure: a single active taxel is a spike unless some beside it read as much
 WITNESSES = 3  # as many, or all that there are
-RELEASE = 0.75 * ACTIVE  # a taxel that was active stays so down to here [counts]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -233,20 +232,17 @@ def centre_of_pressure(skin: PreparedSkin, pressures: FloatArray) -> FloatArray:
 
 
 SETTLED = 0.1  # contacts that join or part do so in earnest after this time [s]
-SAMPLES = 1.5  # and never from one sample to the next, however slow the stream
 DRAWING = 0.25  # of its largest load: a contact that leaves draws no way
 STEP = 2e-3  # the noise of a resting finger moves its centre by less than this [m]
 POINTS = 512  # of a way kept; a longer one forgets its beginning, not its length
 VALLEY = 0.7  # of the lower summit: contacts with less pressure than this between them are two
-LANDED = 0.5  # what lands as one with a saddle below this share of the lower summit is two
-PARTED = 0.25  # and so is what was one before: between the two a contact stays as it is
+PARTED = 0.25  # a contact with a saddle below this share of the lower summit is two
 ISLANDS = 0.05  # the same of the islands of one palm, which gains part
 GRIP = 0.5  # while a hand closes its islands land [s]
 PALM = 1.5e-3  # more than five fingers press: a contact of this size is of a hand [m2]
 SPAN = 0.2  # of a hand [m]
 CLOSE = 0.015  # a fingertip's width: what lies further apart is two while both have a summit [m]
 PRINT = 1.67e-4  # less than the print of a light fingertip: three taxels 8 mm apart [m2]
-NEAR = 16e-3  # from a contact: what is smaller than a print there is a piece of it [m]
 HIDDEN = 0.5  # a contact without a summit is kept so long [s]
 
 
@@ -539,32 +535,3 @@ def _saddles(
     taxel, place = taxel[order], place[order]
     a, b = region[taxel].tolist(), other[taxel, place].tolist()
     return list(zip(height[order].tolist(), a, b, strict=True))
-
-
-def claim(
-    pieces: Pieces, owner: IntArray, tracks: int
-) -> tuple[dict[int, list[int]], dict[int, int], list[int]]:
-    """Which tracks each component goes on for, pieces off a track, and new components.
-
-    A track goes on in the component that bears most load on taxels that were its own.
-    """
-    count = int(pieces.component.max()) + 1
-    if tracks == 0:
-        return {}, {}, list(range(count))
-    key = pieces.component * (tracks + 1) + owner + 1
-    shared = np.bincount(key, pieces.pressures, minlength=count * (tracks + 1))
-    shared = shared.reshape(count, tracks + 1)[:, 1:]
-    main = np.where(shared.max(axis=0) > 0, shared.argmax(axis=0), -1).tolist()
-    claims: dict[int, list[int]] = {}
-    for track, piece in enumerate(main):
-        if piece >= 0:
-            claims.setdefault(piece, []).append(track)
-    splinters, orphans = {}, []
-    heaviest = shared.max(axis=1).tolist()
-    for piece in range(count):
-        if piece not in claims:
-            if heaviest[piece] > 0:
-                splinters[piece] = int(shared[piece].argmax())
-            else:
-                orphans.append(piece)
-    return claims, splinters, orphans

@@ -1,20 +1,13 @@
-"""What travels over ZeroMQ, byte by byte (docs/live.md): a header, values, and JSON.
-
-A sample is three frames: the topic, a header of 40 bytes, the values. Everything is little-endian.
-"""
+"""Addresses of streams, and what a stream says of itself as JSON (docs/live.md)."""
 
 from __future__ import annotations
 
 import ipaddress
 import json
-import math
-import struct
 from dataclasses import dataclass
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import msgspec
-import numpy as np
-from numpy.typing import NDArray
 
 from skinmap.errors import InvalidArrayError, MessageError, warn
 from skinmap.live.sources.source import SIMULATION, Kind, StreamInfo
@@ -87,88 +80,10 @@ def warn_if_open(address: Address, what: str) -> None:
 
 
 VERSION = 1
-MAGIC = b"SKIN"
-HEADER = struct.Struct("<4sBBHIIQdd")
-DTYPES: dict[int, np.dtype[Any]] = {1: np.dtype("u1"), 2: np.dtype("<f4")}
 KINDS: tuple[Kind, ...] = ("raw", "pressure")
 MAX_CHANNELS = 1_000_000
 LARGEST_TEXT = 1 << 20  # of JSON [bytes]
 MAX_PARTS = 1000
-
-
-class Header(NamedTuple):
-    """What stands before the values of a sample.
-
-    Attributes
-    ----------
-    dtype : int
-        1: uint8, 2: float32.
-    channels : int
-    session : int
-        Drawn by the publisher when it starts: another number is another start.
-    sequence : int
-        0 for the first sample of a session and topic, then one more for each.
-    time : float
-        Of the sample, in the source's clock [s].
-    sent : float
-        When it was sent, by the publisher's monotonic clock [s].
-    """
-
-    dtype: int
-    channels: int
-    session: int
-    sequence: int
-    time: float
-    sent: float
-
-    def pack(self) -> bytes:
-        """The 40 bytes."""
-        return HEADER.pack(MAGIC, VERSION, self.dtype, 0, *self[1:])
-
-
-def unpack_header(frame: bytes) -> Header:
-    """Read a header.
-
-    Raises
-    ------
-    MessageError
-        Another length, beginning, version or type; a time that is not finite.
-    """
-    if len(frame) != HEADER.size:
-        raise MessageError(f"a header of {len(frame)} bytes, expected {HEADER.size}")
-    magic, version, dtype, _, *rest = HEADER.unpack(frame)
-    if magic != MAGIC:
-        raise MessageError(f"a header that begins with {magic!r}, expected {MAGIC!r}")
-    if version != VERSION:
-        raise MessageError(f"a message of version {version}, this Skinmap reads {VERSION}")
-    if dtype not in DTYPES:
-        raise MessageError(f"values of type {dtype}; expected 1 (uint8) or 2 (float32)")
-    header = Header(dtype, *rest)
-    if not math.isfinite(header.time) or not math.isfinite(header.sent):
-        raise MessageError(f"a sample of time {header.time}, sent at {header.sent}")
-    return header
-
-
-def unpack_values(header: Header, frame: bytes, info: StreamInfo) -> NDArray[Any]:
-    """The values (channels,) of a sample; a view of the frame.
-
-    Raises
-    ------
-    MessageError
-        Another number of values than the stream's skin has.
-    """
-    dtype = DTYPES[header.dtype]
-    if header.channels != info.channels or len(frame) != info.channels * dtype.itemsize:
-        raise MessageError(
-            f"{header.channels} channels in {len(frame)} bytes, "
-            f"stream {info.name!r} declares {info.channels}"
-        )
-    return np.frombuffer(frame, dtype)
-
-
-def dtype_code(values: NDArray[Any]) -> int:
-    """How a header names the type that values are sent as: uint8 as it is, others as float32."""
-    return 1 if values.dtype == np.uint8 else 2
 
 
 class _PartSaid(msgspec.Struct):

@@ -13,8 +13,8 @@ import struct
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -63,8 +63,7 @@ QOS, LATCHED_QOS = "::,10:,:,:,,", ":1:,1:,:,:,,"
 SKIN = "/skin"
 
 
-@dataclass(frozen=True, slots=True)
-class ZenohAddress:
+class ZenohAddress(NamedTuple):
     """Where a stream is to be had.
 
     Attributes

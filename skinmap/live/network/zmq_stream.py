@@ -1,13 +1,19 @@
-"""Follow a ZeroMQ publisher: SUB, with bounded queues and messages, and its death noticed."""
+"""Follow a ZeroMQ publisher: SUB, with bounded queues and messages, and its death noticed.
+
+A sample is three frames: the topic, a header of 40 bytes, the values; docs/live.md has them byte by
+byte. Everything is little-endian.
+"""
 
 from __future__ import annotations
 
 import errno
+import math
 import secrets
+import struct
 import threading
 import time
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import zmq
@@ -16,15 +22,11 @@ from numpy.typing import NDArray
 from skinmap.arrays import FloatArray
 from skinmap.errors import MessageError, OutputError, UnreachableError
 from skinmap.live.network.network_messages import (
-    DTYPES,
+    VERSION,
     Address,
-    Header,
-    dtype_code,
     pack_info,
     parse_address,
-    unpack_header,
     unpack_info,
-    unpack_values,
     warn_if_open,
 )
 from skinmap.live.publishing.publish import HEARTBEAT, Publisher, Topic, repeated
@@ -43,6 +45,79 @@ WAIT = 3.0  # for a publisher's description [s]
 LARGEST_INFO = 1 << 16  # bytes of a description that are read
 QUEUED_BYTES = 16_000_000  # kept by ZeroMQ itself at each end for who reads too slowly
 FRAMES = 3  # of a sample: topic, header, values
+MAGIC = b"SKIN"
+HEADER = struct.Struct("<4sBBHIIQdd")
+DTYPES: dict[int, np.dtype[Any]] = {1: np.dtype("u1"), 2: np.dtype("<f4")}
+
+
+class Header(NamedTuple):
+    """What stands before the values of a sample.
+
+    Attributes
+    ----------
+    dtype : int
+        1: uint8, 2: float32.
+    channels : int
+    session : int
+        Drawn by the publisher when it starts: another number is another start.
+    sequence : int
+        0 for the first sample of a session and topic, then one more for each.
+    time : float
+        Of the sample, in the source's clock [s].
+    sent : float
+        When it was sent, by the publisher's monotonic clock [s].
+    """
+
+    dtype: int
+    channels: int
+    session: int
+    sequence: int
+    time: float
+    sent: float
+
+    def pack(self) -> bytes:
+        """The 40 bytes."""
+        return HEADER.pack(MAGIC, VERSION, self.dtype, 0, *self[1:])
+
+
+def unpack_header(frame: bytes) -> Header:
+    """Read a header.
+
+    Raises
+    ------
+    MessageError
+        Another length, beginning, version or type; a time that is not finite.
+    """
+    if len(frame) != HEADER.size:
+        raise MessageError(f"a header of {len(frame)} bytes, expected {HEADER.size}")
+    magic, version, dtype, _, *rest = HEADER.unpack(frame)
+    if magic != MAGIC:
+        raise MessageError(f"a header that begins with {magic!r}, expected {MAGIC!r}")
+    if version != VERSION:
+        raise MessageError(f"a message of version {version}, this Skinmap reads {VERSION}")
+    if dtype not in DTYPES:
+        raise MessageError(f"values of type {dtype}; expected 1 (uint8) or 2 (float32)")
+    header = Header(dtype, *rest)
+    if not math.isfinite(header.time) or not math.isfinite(header.sent):
+        raise MessageError(f"a sample of time {header.time}, sent at {header.sent}")
+    return header
+
+
+def unpack_values(header: Header, frame: bytes, info: StreamInfo) -> NDArray[Any]:
+    """The values (channels,) of a sample; a view of the frame.
+
+    Raises
+    ------
+    MessageError
+        Another number of values than the stream's skin has.
+    """
+    dtype = DTYPES[header.dtype]
+    if header.channels != info.channels or len(frame) != info.channels * dtype.itemsize:
+        raise MessageError(
+            f"{header.channels} channels in {len(frame)} bytes, "
+            f"stream {info.name!r} declares {info.channels}"
+        )
+    return np.frombuffer(frame, dtype)
 
 
 class ZmqSource(Source):
@@ -258,7 +333,7 @@ class ZmqPublisher(Publisher):
         self._stop_beating = repeated(HEARTBEAT, self._beat)
 
     def _send_samples(self, topic: Topic, times: FloatArray, values: NDArray[Any]) -> None:
-        code = dtype_code(values)
+        code = 1 if values.dtype == np.uint8 else 2  # as a header names them
         rows = np.ascontiguousarray(values, DTYPES[code])
         with self._sending:
             first = self._sequences.get(topic, 0)

@@ -400,9 +400,8 @@ class RecordingTap(Relay):
         self._elapsed = 0.0  # without steps of the clock [s]
         self._last = self._arrived = float("nan")
         self._ended = False
-        self._quiet: float | None = (
-            None  # when this machine's clock ends a source that falls silent
-        )
+        # When this machine's clock ends a source that falls silent.
+        self._quiet: float | None = None
         self._later: float | None = None  # than the source says, as files know no time below 0 [s]
         self.unfit = Counts()
         self._checks: SampleChecks | None = None
@@ -435,8 +434,7 @@ class RecordingTap(Relay):
             block = Block(block.times + self._later, block.values, block.arrived)
         if (width := block.values.shape[1]) != self.info.channels:
             if not self._look(block):
-                name = "short" if width < self.info.channels else "long"
-                setattr(self.unfit, name, getattr(self.unfit, name) + len(block))
+                self.unfit.add_misfits(len(block), width, self.info.channels)
             return block
         elapsed = self._passed(block)
         if elapsed[-1] >= self._seconds - HAIR:

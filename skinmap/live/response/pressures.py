@@ -426,9 +426,7 @@ def load_responses(specs: Sequence[str], skins: Mapping[str, PreparedSkin]) -> d
     return found
 
 
-FROZEN = (
-    1.0  # a taxel that moves by no more than this while it is high has no finger on it [counts]
-)
+FROZEN = 1.0  # a taxel that is high and moves by no more than this has no finger on it [counts]
 TWICE = 2  # windows in which it must be frozen, or dead
 AROUND = 4  # taxels beside one that all are pressed, while it reads nothing: it is dead
 NEVER = 5  # windows after which a taxel that was never seen at rest is stuck

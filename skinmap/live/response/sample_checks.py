@@ -111,8 +111,7 @@ class SampleChecks:
             return
         width = block.values.shape[1]
         if width != self._info.channels:
-            name = "short" if width < self._info.channels else "long"
-            setattr(self._counts, name, getattr(self._counts, name) + len(block))
+            self._counts.add_misfits(len(block), width, self._info.channels)
             self._misfits += len(block)
             if self._misfits - len(block) < self._enough <= self._misfits:
                 self._warn(f"{width} values a sample, not {self._info.channels}: none is used")

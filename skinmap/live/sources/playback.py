@@ -30,6 +30,7 @@ class Playback(Seekable):
 
     Attributes
     ----------
+    loop : bool
     most : int
         Samples that one read gives at most while it plays as fast as it is asked.
 
@@ -48,13 +49,13 @@ class Playback(Seekable):
         self._changed = threading.Condition()
         self._closed = False
         self._row = 0
-        self._loop = loop
+        self.loop = loop
         self._speed = _checked(speed)
         self._anchor()
 
     def again(self, speed: float) -> Playback:
         """The same recording from its beginning, as a source of its own; nothing is read anew."""
-        return Playback(self._track, speed=speed, loop=self._loop)
+        return Playback(self._track, speed=speed, loop=self.loop)
 
     @property
     def speed(self) -> float:
@@ -66,17 +67,6 @@ class Playback(Seekable):
         with self._changed:
             self._anchor(self._playing_time())
             self._speed = _checked(speed)
-            self._changed.notify_all()
-
-    @property
-    def loop(self) -> bool:
-        """Whether it starts again at its end."""
-        return self._loop
-
-    @loop.setter
-    def loop(self, loop: bool) -> None:
-        with self._changed:
-            self._loop = bool(loop)
             self._changed.notify_all()
 
     @property
@@ -102,10 +92,10 @@ class Playback(Seekable):
 
     def marked(self) -> list[MarkedSpan]:
         """Part, label, beginning and end [s] of each mark, in the recording's clock."""
-        there = [one for one in self.marks if one.first <= one.last]
-        times = self._times
         return [
-            (one.part, one.label, float(times[one.first]), float(times[one.last])) for one in there
+            (one.part, one.label, *self._times[[one.first, one.last]].tolist())
+            for one in self.marks
+            if one.first <= one.last
         ]
 
     @property
@@ -143,7 +133,7 @@ class Playback(Seekable):
         deadline = time.perf_counter() + timeout
         with self._changed:
             while True:
-                if self._row >= len(self._times) and self._loop and len(self._times):
+                if self._row >= len(self._times) and self.loop and len(self._times):
                     self._row = 0
                     # Begins when the last sample has lasted, not when somebody asks for more.
                     self._anchor(since=self._when(self._end))

@@ -7,6 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,8 +48,7 @@ TOGETHER = 2  # touches at once, each on its own part
 REMEMBERED = 1000  # touches kept in `truth`
 
 
-@dataclass(frozen=True, slots=True)
-class TrueTouch:
+class TrueTouch(NamedTuple):
     """A touch that was simulated.
 
     Attributes

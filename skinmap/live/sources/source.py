@@ -94,6 +94,11 @@ class Counts:
         found = ((getattr(self, name), words) for name, words in FAULTS.items())
         return ", ".join(f"{count} {words}" for count, words in found if count)
 
+    def add_misfits(self, samples: int, width: int, channels: int) -> None:
+        """Count samples of another number of values than the stream's channels."""
+        self.short += samples * (width < channels)
+        self.long += samples * (width > channels)
+
     def joined(self, theirs: Counts) -> Counts:
         """These and what a source counted on the way."""
         both = {name: getattr(self, name) + getattr(theirs, name) for name in self.__slots__}

@@ -142,18 +142,14 @@ def trained(
 ) -> CountRow:
     """Extra trees on contact geometry, each region of the skin left out in turn."""
     from sklearn.ensemble import ExtraTreesClassifier
+    from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
 
-    counts = []
+    counts, sides = [], {"groups": regions, "cv": LeaveOneGroupOut()}
     for seed in seeds:
-        count = np.zeros(len(fingers), np.int64)
-        for region in np.unique(regions):
-            out = regions == region
-            trees = ExtraTreesClassifier(TREES, random_state=seed)
-            trees.fit(found.numbers[~out], fingers[~out])
-            count[out] = trees.predict(found.numbers[out])
-            if progress is not None:
-                progress("trained")
-        counts.append(count)
+        trees = ExtraTreesClassifier(TREES, random_state=seed)
+        counts.append(cross_val_predict(trees, found.numbers, fingers, **sides))
+        if progress is not None:
+            progress("trained")
     every = np.ones(len(fingers), bool)
     return judge("trained, place left out", counts, [every] * len(counts), fingers)
 

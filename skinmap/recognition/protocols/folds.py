@@ -87,6 +87,12 @@ def recalls(labels: Names, named: Names, kinds: Sequence[str]) -> dict[str, floa
     }
 
 
+def shares(labels: Names, named: Names, kinds: Sequence[str]) -> dict[str, Any]:
+    """Fields of a row: `recalls` as `per_class`, and their `mean`."""
+    found = recalls(labels, named, kinds)
+    return {"per_class": found, "mean": float(np.mean(list(found.values())))}
+
+
 def mean_and_spread(values: Sequence[float]) -> tuple[float, float]:
     """Mean over repetitions, and its standard deviation; 0 for one."""
     return float(np.mean(values)), float(np.std(values, ddof=1)) if len(values) > 1 else 0.0

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal, cast
+from typing import Any, Literal, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +30,8 @@ from skinmap.recognition.protocols.folds import (
     averaged,
     make_folds,
     mean_and_spread,
-    recalls,
     run_repeats,
+    shares,
     smallest,
 )
 from skinmap.recognition.protocols.results import (
@@ -183,8 +183,7 @@ def resample(
     return np.sort(np.concatenate(chosen))
 
 
-@dataclass(frozen=True, slots=True)
-class Recipe:
+class Recipe(NamedTuple):
     """How histograms are made.
 
     Attributes
@@ -388,15 +387,13 @@ def _row(
     for train, test in folds:
         which, penalty = _choose(kernel, part, train, kind, rng)
         named[test] = _predict(kernel.grams[which], part.labels, train, test, penalty)
-    per_class = recalls(part.labels, named, tuple(SAMPLES))
     return AccuracyRow(
         percent=percent,
         folds=kind,
         features=features,
         classifier=kernel.name,
-        per_class=per_class,
-        mean=float(np.mean(list(per_class.values()))),
         samples=len(part.labels),
+        **shares(part.labels, named, tuple(SAMPLES)),
     )
 
 
@@ -465,8 +462,7 @@ PENALTIES = (1.0, 10.0, 100.0)
 WIDTHS = (0.25, 1.0, 4.0, 16.0)
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Kernel:
+class Kernel(NamedTuple):
     """A kernel with one Gram matrix for each value of its own parameter.
 
     Attributes

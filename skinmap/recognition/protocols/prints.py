@@ -196,6 +196,8 @@ def fit_areas(spots: Spots, prints: Prints, person: IntArray) -> AreaModel:
     InvalidArrayError
         Fewer than three people or 30 contacts with a print.
     """
+    from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
+
     good = np.flatnonzero(prints.area_mm2 > 0)
     people = np.unique(person[good])
     if len(people) < 3 or len(good) < 30:
@@ -204,11 +206,8 @@ def fit_areas(spots: Spots, prints: Prints, person: IntArray) -> AreaModel:
             f"people (a contact is {SMALLEST} neighbouring readings above {ACTIVE:g} counts)"
         )
     features, truth = spots.features[good], np.log(prints.area_mm2[good])
-    left_out = np.zeros(len(good))
-    for one in people:
-        own = person[good] == one
-        left_out[own] = _areas().fit(features[~own], truth[~own]).predict(features[own])
-    error = truth - left_out
+    sides = {"groups": person[good], "cv": LeaveOneGroupOut()}
+    error = truth - cross_val_predict(_areas(), features, truth, **sides)
     # The middle that makes the mean relative error least: a median in which small areas weigh more.
     order = np.argsort(error)
     weight = np.cumsum(np.exp(-error[order]))

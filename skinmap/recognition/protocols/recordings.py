@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 from unicodedata import normalize
 
 import numpy as np
@@ -30,8 +30,8 @@ from skinmap.recognition.protocols.folds import (
     Names,
     averaged,
     make_folds,
-    recalls,
     run_repeats,
+    shares,
 )
 from skinmap.recognition.protocols.results import AccuracyRow, LeakRow, LeftOutRow, Meaning
 from skinmap.touch.contacts.skin_geometry import pool_event
@@ -165,14 +165,12 @@ def run_trial(
         named, labels = _cross_validate(classifier, kind, touches, folds, task_rng(seed))
     except SkinError as error:
         return str(error)
-    per_class = recalls(labels, named, np.unique(labels).tolist())
     return AccuracyRow(
         folds=kind,
         features=classifier,
         classifier=classifier,
-        per_class=per_class,
-        mean=float(np.mean(list(per_class.values()))),
         touches=len(touches),
+        **shares(labels, named, np.unique(labels).tolist()),
     )
 
 
@@ -391,7 +389,6 @@ def run_left_out(classifier: str, way: Way, *, judged: Judged, folds: int, seed:
         named = _named(classifier, judged.touches, splits, rng)
     except SkinError as error:
         return replace(row, verdict=str(error))
-    per_class = recalls(labels, named, np.unique(labels).tolist())
     units = _units(judged, splits)
     rest, first = (_at(judged.touches, one) for one in (judged.before, judged.first))
     said = {
@@ -403,8 +400,7 @@ def run_left_out(classifier: str, way: Way, *, judged: Judged, folds: int, seed:
     meaning, verdict = meaning_of(named, controls, way, judged)
     return replace(
         row,
-        per_class=per_class,
-        mean=float(np.mean(list(per_class.values()))),
+        **shares(labels, named, np.unique(labels).tolist()),
         right=float((named == labels).mean()),
         meaning=meaning,
         verdict=verdict,
@@ -483,8 +479,7 @@ def _raw_names(touches: Sequence[Touch], labels: Names, splits: Sequence[Fold]) 
 Leak = Literal["yes", "perhaps", "no"]
 
 
-@dataclass(frozen=True, slots=True)
-class Control:
+class Control(NamedTuple):
     """Share named right of what shows no touch, NaN where nothing is seen, and what that says."""
 
     share: float

@@ -889,6 +889,13 @@ class LoadRow:
     unexplained: float | None
     reason: str
 
+    @property
+    def zero(self) -> str:
+        """Whose zero it was, in words."""
+        if self.zeroed or self.zero_age_seconds is None:
+            return "its own" if self.zeroed else "the calibration's"
+        return f"the calibration's, {self.zero_age_seconds / 3600.0:.1f} h old"
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class LoadsResult(Evaluated):

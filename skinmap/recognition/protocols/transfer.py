@@ -18,14 +18,14 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from sklearn.base import BaseEstimator
 
 from skinmap.arrays import FloatArray
 from skinmap.errors import InvalidArrayError
-from skinmap.parallel.run import run_tasks, task_rng
+from skinmap.parallel.run import task_rng
 from skinmap.physics.variants import TUNING, VARIANTS
 from skinmap.recognition.catalogue import classifiers
 from skinmap.recognition.classifier import NO_CONTACT, WITH_SETS, TouchClassifier, learnable
@@ -108,33 +108,21 @@ def cut_patches(robot: Robot, parts: Sequence[str]) -> list[Patch]:
     return [Patch(skin.part, PreparedSkin(skin)) for skin in skins]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Playing:
-    """A skin to be touched in a physics, so many times anew: what a worker needs."""
+def played(
+    skin: PreparedSkin, seed: Sequence[int], physics: str = OURS, times: int = 1, **how: Any
+) -> list[Recording]:
+    """Recordings of a skin that is touched so many times anew; of MuJoCo one.
 
-    skin: PreparedSkin
-    gestures: tuple[str, ...]
-    per_gesture: int
-    variety: float
-    seed: tuple[int, ...]
-    physics: str = OURS
-    times: int = 1
-
-
-def played(task: Playing) -> list[Recording]:
-    """The recordings of what is played; of MuJoCo one.
-
-    Of several recordings every second is at most `wide`: what is rarer stands beside it.
+    `how` are `gestures`, `per_gesture` and `variety`. Of several recordings every second is at most
+    `wide`: what is rarer stands beside it.
     """
-    skin = task.skin.skin
-    how: dict[str, Any] = {"gestures": task.gestures, "per_gesture": task.per_gesture}
-    how["rng"] = task_rng(task.seed)
-    if task.physics == OURS:
-        varieties = task.variety, min(task.variety, DEFAULT)
-        return [simulate(skin, variety=varieties[k % 2], **how) for k in range(task.times)]
+    how["rng"], variety = task_rng(seed), how.pop("variety")  # of our simulator alone
+    if physics == OURS:
+        varieties = variety, min(variety, DEFAULT)
+        return [simulate(skin.skin, variety=varieties[k % 2], **how) for k in range(times)]
     from skinmap.physics.simulation import simulate as press
 
-    return [press(skin, variant=task.physics, **how)]
+    return [press(skin.skin, variant=physics, **how)]
 
 
 def touch_patches(
@@ -174,12 +162,11 @@ def touch_patches(
     >>> [touch.label for touch in touched.touches]
     ['poke', 'poke']
     """
-    own = tuple(np.atleast_1d(seed).tolist())
-    tasks = [
-        Playing(patch.skin, tuple(gestures), per_gesture, variety, (*own, number))
-        for number, patch in enumerate(patches)
-    ]
-    found = run_tasks(played, tasks, **who)
+    own = np.atleast_1d(seed).tolist()
+    tasks = [{"skin": one.skin, "seed": (*own, number)} for number, one in enumerate(patches)]
+    found = run_repeats(
+        played, tasks, gestures=tuple(gestures), per_gesture=per_gesture, variety=variety, **who
+    )
     return [
         replace(patch, touches=tuple(recorded_touches(patch.skin, recording)))
         for patch, (recording,) in zip(patches, found, strict=True)
@@ -359,9 +346,10 @@ def evaluate_physics(
     firsts = dict.fromkeys(pairs.values())
     if len(firsts) < 2:
         raise InvalidArrayError("leaving parts out needs two parts that are not mirror images")
+    how = {"gestures": tuple(gestures), "per_gesture": per_gesture, "variety": variety}
     found: list[tuple[str, str, list[Named], FloatArray]] = []
     for seed in seeds:
-        touched = _touch(skins, gestures, per_gesture, variety, seed, **who)
+        touched = _touch(skins, seed, **how, **who)
         trainings = [one for part in firsts for one in _trainings(touched, pairs, part)]
         for names in run_repeats(
             _train_physics, trainings, classifier=classifier, seed=seed, **who
@@ -417,27 +405,20 @@ def calibration_error(confidence: FloatArray, right: FloatArray) -> float:
 
 
 def _touch(
-    skins: Mapping[str, PreparedSkin],
-    gestures: Sequence[str],
-    per_gesture: int,
-    variety: float,
-    seed: int,
-    **who: Any,
+    skins: Mapping[str, PreparedSkin], seed: int, **how: Any
 ) -> dict[tuple[str, str], tuple[Touch, ...]]:
     """Touches by physics and part."""
     pairs = mirror_pairs(skins)
-    tasks = [
-        Playing(
-            skin, tuple(gestures), per_gesture, variety, (seed, row, column), physics, OURS_TIMES
-        )
+    tasks: list[dict[str, Any]] = [
+        {"skin": skin, "seed": (seed, row, column), "physics": physics}
         for row, physics in enumerate((OURS, *VARIANTS))
         for column, (part, skin) in enumerate(skins.items())
         if physics == OURS or pairs[part] == part
     ]
-    found = run_tasks(played, tasks, **who)
+    found = run_repeats(played, tasks, times=OURS_TIMES, **how)
     return {
-        (task.physics, task.skin.skin.part): tuple(
-            touch for one in recordings for touch in recorded_touches(task.skin, one)
+        (task["physics"], task["skin"].skin.part): tuple(
+            touch for one in recordings for touch in recorded_touches(task["skin"], one)
         )
         for task, recordings in zip(tasks, found, strict=True)
     }
@@ -497,8 +478,7 @@ COUNTED = ("tap", "pat")
 ALONE, TOGETHER = "still alone", "still among all"  # trainings that name still touches
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Played:
+class Played(NamedTuple):
     """A skin, what was recorded on it, and in which physics."""
 
     skin: PreparedSkin
@@ -511,8 +491,7 @@ class Played:
         return [touch for touch in every if touch.label in gestures]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class InTime:
+class InTime(NamedTuple):
     """All that the protocol finds.
 
     Attributes
@@ -528,16 +507,6 @@ class InTime:
     counted: Mapping[str, float]
     still_alone: float
     still_together: float
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class _Seen:
-    features: str
-    motion: bool | None  # whether it is looked at; what the classifier chooses, where None
-    train: tuple[Touch, ...]
-    test: Mapping[str, tuple[Touch, ...]]
-    shares: tuple[float, ...]
-    seed: int
 
 
 def play(
@@ -559,15 +528,17 @@ def play(
     MissingLibraryError
         MuJoCo is asked for, and not installed.
     """
-    every = {OURS: ((*gestures, *FOUR), per_gesture)}
-    fewer = tuple(gestures), max(2, per_gesture // 4)
-    tasks = [
-        Playing(skin, *every.get(one, fewer), variety, (seed, row, column), one)
+    every = {"gestures": (*gestures, *FOUR), "per_gesture": per_gesture}
+    fewer = {"gestures": tuple(gestures), "per_gesture": max(2, per_gesture // 4)}
+    tasks: list[dict[str, Any]] = [
+        {"skin": skin, "seed": (seed, row, column), "physics": one}
+        | (every if one == OURS else fewer)
         for row, one in enumerate(physics)
         for column, skin in enumerate(skins.values())
     ]
-    made = run_tasks(played, tasks, **who)
-    return [Played(task.skin, task.physics, one) for task, (one,) in zip(tasks, made, strict=True)]
+    made = run_repeats(played, tasks, variety=variety, **who)
+    pairs = zip(tasks, made, strict=True)
+    return [Played(task["skin"], task["physics"], one) for task, (one,) in pairs]
 
 
 def evaluate_in_time(
@@ -586,16 +557,16 @@ def evaluate_in_time(
         raise InvalidArrayError(f"leaving parts out needs two parts, got {len(parts)}")
     physics = list(dict.fromkeys(one.physics for one in every))
     trainings = [
-        task
+        (features, {**task, "seed": seed})
         for seed, own in touched.items()
         for hand in (0, 1)
-        for task in _seen_trainings(own, parts[hand::2], physics, gestures, seed)
+        for features, task in _seen_trainings(own, parts[hand::2], physics, gestures)
     ]
-    found = run_tasks(_train_seen, trainings, **who)
+    found = run_repeats(_train_seen, [task for _, task in trainings], **who)
     named: dict[tuple[str, str, float], list[Named]] = {}
-    for task, one in zip(trainings, found, strict=True):
+    for (features, _), one in zip(trainings, found, strict=True):
         for (world, share), touches in one.items():
-            named.setdefault((task.features, world, share), []).extend(touches)
+            named.setdefault((features, world, share), []).extend(touches)
     stays = {
         features: float(np.mean([true == name for true, name, _ in named.pop(key)]))
         for features in (ALONE, TOGETHER)
@@ -622,9 +593,8 @@ def _seen_trainings(
     tested: Sequence[str],
     physics: Sequence[str],
     gestures: Sequence[str],
-    seed: int,
-) -> list[_Seen]:
-    """What is trained where some parts are left out to test on."""
+) -> list[tuple[str, dict[str, Any]]]:
+    """Features, and what `_train_seen` takes, where some parts are left out to test on."""
 
     def of(kinds: Sequence[str], test: bool, world: str = OURS) -> tuple[Touch, ...]:
         own = [one for one in played if one.physics == world]
@@ -635,24 +605,33 @@ def _seen_trainings(
     still = {OURS: of(FOUR, True)}
     learnt, four = of(gestures, False), of(FOUR, False)
     return [
-        _Seen("contact geometry", False, learnt, {OURS: tests[OURS]}, SEEN, seed),
-        _Seen("and motion", True, learnt, tests, SEEN, seed),
-        _Seen(ALONE, None, four, still, (1.0,), seed),
-        _Seen(TOGETHER, None, (*learnt, *four), still, (1.0,), seed),
+        ("contact geometry", {"train": learnt, "test": {OURS: tests[OURS]}, "motion": False}),
+        ("and motion", {"train": learnt, "test": tests, "motion": True}),
+        (ALONE, {"train": four, "test": still, "shares": (1.0,)}),
+        (TOGETHER, {"train": (*learnt, *four), "test": still, "shares": (1.0,)}),
     ]
 
 
-def _train_seen(task: _Seen) -> dict[tuple[str, float], list[Named]]:
-    """True label, name and confidence of the touches of each physics and share."""
-    machine = ContactGeometry(motion=task.motion)
-    model = TouchClassifier("contact-geometry", machine, RbfMachine())
-    train = learnable(task.train)
-    model.fit(train, rng=task_rng(task.seed))
+def _train_seen(
+    train: Sequence[Touch],
+    test: Mapping[str, Sequence[Touch]],
+    *,
+    seed: int,
+    motion: bool | None = None,
+    shares: Sequence[float] = SEEN,
+) -> dict[tuple[str, float], list[Named]]:
+    """True label, name and confidence of the touches of each physics and share.
+
+    `motion` is whether it is looked at; the classifier chooses, where None.
+    """
+    model = TouchClassifier("contact-geometry", ContactGeometry(motion=motion), RbfMachine())
+    train = learnable(train)
+    model.fit(train, rng=task_rng(seed))
     known = {touch.label for touch in train}  # a hand on a small part is nothing to learn
     found = {}
-    for world, every in task.test.items():
+    for world, every in test.items():
         touches = [touch for touch in every if touch.label in known]
-        for share in task.shares:
+        for share in shares:
             guesses = [
                 (touch.label, likeliest(model, beginning(touch, share))) for touch in touches
             ]

@@ -15,14 +15,8 @@ import numpy as np
 from skinmap import __version__
 from skinmap.errors import MessageError
 from skinmap.live.network.lsl_stream import read_description
-from skinmap.live.network.network_messages import (
-    Header,
-    pack_info,
-    parse_address,
-    read_json,
-    unpack_info,
-)
-from skinmap.live.network.zmq_stream import ZmqSource
+from skinmap.live.network.network_messages import pack_info, parse_address, read_json, unpack_info
+from skinmap.live.network.zmq_stream import Header, ZmqSource
 from skinmap.live.sources.source import Source, StreamInfo
 from skinmap.profile import read_profile
 from skinmap.touch.prepared_skin import PreparedSkin
