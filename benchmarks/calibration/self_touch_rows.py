@@ -194,9 +194,8 @@ def _below(points: FloatArray, body: Body) -> FloatArray:
 
 
 def record(
-    one: Body, other: Body, angles: FloatArray, offsets: FloatArray, rng: np.random.Generator,
-    *, name: str = "",
-) -> TouchRecording:  # fmt: skip
+    one: Body, other: Body, angles: FloatArray, offsets: FloatArray, rng: np.random.Generator
+) -> TouchRecording:
     """What both sides feel in poses, and the angles as read by encoders that `offsets` are off."""
     felt: list[list[IntArray]] = [[], []]
     for A, B in zip(one.chain.frames(angles), other.chain.frames(angles), strict=True):
@@ -205,7 +204,7 @@ def record(
             side.append(np.flatnonzero(counts > FELT))
     read = angles - offsets + rng.normal(0.0, np.deg2rad(0.02), angles.shape)
     return TouchRecording(
-        name or f"{one.chain.name}-{other.chain.name}",
+        f"{one.chain.name}-{other.chain.name}",
         (one.chain.name, other.chain.name),
         read,
         (None if one.chain.is_probe else felt[0], felt[1]),

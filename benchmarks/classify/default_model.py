@@ -6,7 +6,7 @@ writes benchmarks/results/default_model.json; with --answers only the part on ki
 is measured anew. It learnt on the iCub alone, so the other robots'
 skins are new to it, their people and sensors too; of MuJoCo it never saw the frozen variant. The
 control is the same touch with its samples in random order: what a name owes to how a touch goes on
-is gone. Sets of names are promised for 90 %; theirs is a model that takes all touches for familiar.
+is gone.
 """
 
 from __future__ import annotations
@@ -25,12 +25,11 @@ from skinmap.physics.simulation import simulate as press
 from skinmap.physics.variants import FROZEN
 from skinmap.recognition.answering import shipped_answers
 from skinmap.recognition.answers import HandAnswer
-from skinmap.recognition.classifier import TouchClassifier
 from skinmap.recognition.descriptors import Touch
 from skinmap.recognition.evaluate import likeliest
-from skinmap.recognition.named_classifiers import DEFAULT_FILE, default_model
+from skinmap.recognition.named_classifiers import default_model
 from skinmap.recognition.protocols.results import PhysicsRow
-from skinmap.recognition.protocols.transfer import COVERAGE, judged
+from skinmap.recognition.protocols.transfer import judged
 from skinmap.touch.simulation.gestures import FOUR, TIME
 from skinmap.touch.simulation.hands import HAND, OTHER, STILL
 from skinmap.touch.simulation.simulator import simulate
@@ -44,10 +43,7 @@ SKINS = {
 STATES = 3  # of the sensors of each part
 PRESSED = ("torso", "left_arm", "left_forearm", "left_leg_upper", "left_leg_lower", "left_foot")
 DEAD = 0.2  # share of taxels that fail, to see what that costs
-GROUPS = {
-    "single_fingers": HAND[:2], "grips": HAND[2:], "others": OTHER,
-    "islands": ("ring", "corner", "gripper"),
-}  # fmt: skip
+GROUPS = {"single_fingers": HAND[:2], "grips": HAND[2:], "others": OTHER}
 SEED = 4000  # far from those that it was trained with
 
 
@@ -77,11 +73,6 @@ def row(where: str, touches: Sequence[Touch], labels: Sequence[str]) -> dict[str
     rng = np.random.default_rng(SEED)
     mixed = [replace(one, samples=rng.permutation(one.samples)) for one in own]
     found, control = named(where, own), named(where, mixed)
-    held, size = sets(own, default_model())
-    blind = default_model()
-    blind.strangeness = lambda touch: 0.0  # type: ignore[method-assign]
-    if blind.sets is not None:
-        blind.sets = replace(blind.sets, strange=np.zeros(len(blind.sets.shares)))
     return {
         "tested_on": where,
         "kind": "still" if labels == FOUR else "in time",
@@ -89,10 +80,6 @@ def row(where: str, touches: Sequence[Touch], labels: Sequence[str]) -> dict[str
         "mean": found.mean,
         "ece": found.ece,
         "in_random_order": control.mean,
-        "sets_held": held,
-        "names_in_a_set": size,
-        "sets_held_as_familiar": sets(own, blind)[0],
-        "per_class": found.per_class,
     }
 
 
@@ -102,14 +89,6 @@ def named(where: str, touches: Sequence[Touch]) -> PhysicsRow:
     guesses = [(touch.label, likeliest(model, touch)) for touch in touches]
     said = [(true, one.label, one.confidence) for true, one in guesses]
     return judged("default", where, model.labels, said)
-
-
-def sets(touches: Sequence[Touch], model: TouchClassifier) -> tuple[float, float]:
-    """Share of the touches whose set of names holds the true one, and names in a set."""
-    model.promise(COVERAGE)
-    found = [model.predict(touch).names or () for touch in touches]
-    held = [touch.label in names for touch, names in zip(touches, found, strict=True)]
-    return float(np.mean(held)), float(np.mean([len(names) for names in found]))
 
 
 def answer_touches(count: int) -> Iterator[tuple[str, list[Touch]]]:
@@ -184,18 +163,13 @@ def main() -> None:
 
 
 def named_rows(count: int) -> dict[str, Any]:
-    """Head, size and rows of all that is named, printed too."""
+    """Head and rows of all that is named, printed too."""
     tests = {name: other_robot(name, count) for name in SKINS}
     tests[f"MuJoCo, {FROZEN}"] = frozen_variant(count)
     rows = [row(where, one, kind) for where, one in tests.items() for kind in (FOUR, TIME)]
     for one in rows:
         print(json.dumps(one))
-    return {
-        **about("full"),
-        "kilobytes": DEFAULT_FILE.stat().st_size / 1e3,
-        "support_vectors": len(default_model().estimator.vectors_),
-        "rows": rows,
-    }
+    return {**about("full"), "rows": rows}
 
 
 if __name__ == "__main__":

@@ -177,9 +177,9 @@ REPEATS = 3
 PITCH = 6.5e-3  # m, as on the iCub
 
 
-def wavy_skin(n: int, seed: int = 0) -> Skin:
+def wavy_skin(n: int) -> Skin:
     """About n taxels on a wavy sheet: hexagons, each off its place by a twentieth of the pitch."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(0)
     side = round(np.sqrt(n))
     row, column = np.divmod(np.arange(side * side), side)
     x, y = column + 0.5 * (row % 2), row * np.sqrt(3) / 2

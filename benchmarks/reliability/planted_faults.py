@@ -13,7 +13,8 @@ from __future__ import annotations
 import argparse
 import json
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -120,10 +121,10 @@ def some(made: Made, rng: Rng, most: int = 3) -> NDArray[np.int64]:
     return own
 
 
-def rewrite(made: Made, order: NDArray[np.int64], times: NDArray[np.float64] | None = None) -> None:
+def rewrite(made: Made, order: NDArray[np.int64]) -> None:
     """Rows in another order, with their events."""
     made.values = made.values[order]
-    made.times = made.times[order] if times is None else times
+    made.times = made.times[order]
     if "events" in made.more:
         made.more["events"] = made.more["events"][order]
 
@@ -149,7 +150,7 @@ def plant_duplicate(made: Made, rng: Rng) -> None:
 
 def plant_lost(made: Made, rng: Rng) -> None:
     """Rows left out."""
-    count, gone, rows = len(made.times), [], []
+    count, gone = len(made.times), []
     for _ in range(int(rng.integers(1, 5))):
         a = int(rng.integers(20, count - 60))
         gone.append(np.arange(a, a + int(rng.integers(2, 30))))
@@ -230,10 +231,8 @@ def plant_noisy(made: Made, rng: Rng) -> None:
     """Channels with more noise."""
     own = some(made, rng, 2)
     size = max(made.noise, 0.5 if made.values.dtype.kind in "iu" else 0.1) * rng.uniform(7, 20)
-    noise = rng.normal(0, size, (len(made.times), len(own)))
-    changed = made.values.astype(float)
-    changed[:, own] += noise
-    made.values = rounded(made, changed)
+    with changing(made) as changed:
+        changed[:, own] += rng.normal(0, size, (len(made.times), len(own)))
 
 
 def rounded(made: Made, values: NDArray[np.float64]) -> NDArray[Any]:
@@ -243,6 +242,14 @@ def rounded(made: Made, values: NDArray[np.float64]) -> NDArray[Any]:
         return np.rint(values) if (made.values == np.rint(made.values)).all() else values
     limits = np.iinfo(kind)
     return np.clip(np.rint(values), limits.min, limits.max).astype(kind)
+
+
+@contextmanager
+def changing(made: Made) -> Iterator[NDArray[np.float64]]:
+    """Values as numbers, to be changed in place; the recording has them in its own type."""
+    changed = made.values.astype(float)
+    yield changed
+    made.values = rounded(made, changed)
 
 
 def plant_clipped(made: Made, rng: Rng) -> None:
@@ -263,11 +270,10 @@ def plant_clipped(made: Made, rng: Rng) -> None:
 def plant_quantised(made: Made, rng: Rng) -> None:
     """Channels with coarse steps."""
     own = some(made, rng)
-    changed = made.values.astype(float)
     step = (4 if made.values.dtype.kind in "iu" else max(4 * made.noise, 2)) * rng.choice([1, 2])
     step = float(np.rint(step)) if (made.values == np.rint(made.values)).all() else step
-    changed[:, own] = np.rint(changed[:, own] / step) * step
-    made.values = rounded(made, changed)
+    with changing(made) as changed:
+        changed[:, own] = np.rint(changed[:, own] / step) * step
 
 
 def plant_repeated_id(made: Made, rng: Rng) -> None:
@@ -290,12 +296,11 @@ def plant_copied(made: Made, rng: Rng) -> None:
 def plant_sign(made: Made, rng: Rng) -> None:
     """Channels with their sign turned."""
     own = some(made, rng, 2)
-    values = made.values.astype(float)
-    base = np.median(values[:, own], axis=0)
-    values[:, own] = 2 * base - values[:, own] if not made.silent else -values[:, own]
     if made.values.dtype.kind == "u":
         made.values = made.values.astype(np.int32)
-    made.values = rounded(made, values)
+    with changing(made) as changed:
+        base = 0.0 if made.silent else np.median(changed[:, own], axis=0)
+        changed[:, own] = 2 * base - changed[:, own]
 
 
 def plant_module(made: Made, rng: Rng) -> None:
@@ -316,12 +321,12 @@ def plant_thermal(made: Made, rng: Rng) -> None:
     """Temperatures among the taxels."""
     own = some(made, rng, 3)
     t = np.linspace(0, 1, len(made.times))
-    changed = made.values.astype(float)
     spread = max(12 * made.noise, 10.0)
-    for c in own:
-        course = spread * rng.uniform(1, 3) * (t if rng.random() < 0.5 else 1 - np.exp(-4 * t))
-        changed[:, c] = np.median(changed[:, c]) + course + rng.normal(0, made.noise * 0.3, len(t))
-    made.values = rounded(made, changed)
+    with changing(made) as changed:
+        for c in own:
+            course = spread * rng.uniform(1, 3) * (t if rng.random() < 0.5 else 1 - np.exp(-4 * t))
+            noise = rng.normal(0, made.noise * 0.3, len(t))
+            changed[:, c] = np.median(changed[:, c]) + course + noise
 
 
 def plant_drift(made: Made, rng: Rng) -> None:
@@ -330,9 +335,8 @@ def plant_drift(made: Made, rng: Rng) -> None:
     own = all_or_some(made, rng)
     size = shift_of(made, rng)
     course = t if rng.random() < 0.5 else (1 - np.exp(-3 * t))
-    changed = made.values.astype(float)
-    changed[:, own] += (size * course)[:, None] * (1 if made.silent else rng.choice([-1, 1]))
-    made.values = rounded(made, changed)
+    with changing(made) as changed:
+        changed[:, own] += (size * course)[:, None] * (1 if made.silent else rng.choice([-1, 1]))
 
 
 def plant_rest(made: Made, rng: Rng) -> None:
@@ -340,9 +344,8 @@ def plant_rest(made: Made, rng: Rng) -> None:
     count = len(made.times)
     own = all_or_some(made, rng)
     a = int(rng.integers(count // 4, 3 * count // 4))
-    changed = made.values.astype(float)
-    changed[a:, own] += shift_of(made, rng)
-    made.values = rounded(made, changed)
+    with changing(made) as changed:
+        changed[a:, own] += shift_of(made, rng)
     made.rows = [[a, count - 1]]
 
 
@@ -367,16 +370,15 @@ def plant_leak(made: Made, rng: Rng) -> None:
     if rng.random() < 0.5:
         made.more["sessions"] = tuple(f"day {kinds.index(one)}" for one in labels)
         return
-    changed = made.values.astype(float)
     events = made.more["events"]
-    size = 6 * made.noise + 0.03 * np.ptp(changed)
-    pattern = rng.normal(0, size, (len(kinds), changed.shape[1]))
-    level = np.zeros_like(changed)
+    size = 6 * made.noise + 0.03 * np.ptp(made.values.astype(float))
+    pattern = rng.normal(0, size, (len(kinds), made.values.shape[1]))
+    level = np.zeros(made.values.shape)
     bounds = [0] + [int(np.flatnonzero(events == k)[-1]) + 1 for k in range(len(labels))]
     for k, label in enumerate(labels):
         level[bounds[k] : bounds[k + 1]] = pattern[kinds.index(label)]
-    changed += np.abs(level) if made.silent else level
-    made.values = rounded(made, changed)
+    with changing(made) as changed:
+        changed += np.abs(level) if made.silent else level
 
 
 def plant_labels(made: Made, rng: Rng) -> None:

@@ -105,9 +105,6 @@ class Live:
         late = time.perf_counter() - arrived
         return replace(next(self._source), time=arrived, latency=late, rate=1.0 / PERIOD)
 
-    def seek(self, seconds: float) -> None:
-        """A live source goes its own way."""
-
     def pace(self, speed: float, *, halted: bool, hurried: bool) -> None:
         """And at its own pace."""
 

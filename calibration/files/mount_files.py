@@ -100,9 +100,7 @@ def read_wrenches(path: Path, unit: float = 1.0) -> WrenchTouches:
     MissingFileError, DataFormatError
         No such file, or an array is missing or not of numbers.
     """
-    check_file(path, "touches with wrenches (.npz)", most_bytes=2**32)
-    with open_arrays(path, "touches with wrenches (.npz)") as archive:
-        arrays = {name: archive[name] for name in archive.files}
+    arrays = read_arrays(path, "touches with wrenches (.npz)")
     _need(arrays, WRENCH, path)
     try:
         with np.errstate(over="raise", invalid="raise"):  # of longer floats than ours, of no number

@@ -147,7 +147,10 @@ class Contacts:
         """
         here, there = self.sides
         both = [side.at(standoff) for side in self.sides]
-        first, second = (_carry_all(pose, own) for pose, own in zip(T, both, strict=True))
+        first, second = (
+            own @ pose[:, :3, :3].transpose(0, 2, 1) + pose[:, None, :3, 3]
+            for pose, own in zip(T, both, strict=True)
+        )
         apart = np.sum((first[:, :, None] - second[:, None]) ** 2, axis=3)
         apart[~(here.filled[:, :, None] & there.filled[:, None])] = np.inf
         one, other = np.divmod(apart.reshape(len(apart), -1).argmin(axis=1), apart.shape[2])
@@ -168,11 +171,6 @@ class Contacts:
             Side(side.places[mask], side.filled[mask], side.outward[mask]) for side in self.sides
         )
         return Contacts(self.recording.subset(mask), (here, there))
-
-
-def _carry_all(T: FloatArray, places: FloatArray) -> FloatArray:
-    """Places (m, c, 3) through T (m, 4, 4)."""
-    return np.asarray(places @ T[:, :3, :3].transpose(0, 2, 1) + T[:, None, :3, 3])
 
 
 def contacts_of(recording: TouchRecording, first: Chain, second: Chain) -> Contacts:

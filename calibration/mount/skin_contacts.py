@@ -231,11 +231,12 @@ class _Problem:
             tuple(name for name in self.calibrate if name in present),
             probes,
             tuple(moving) if self.joint_offsets else (),
-            {one.recording.name: self._expected(one) for one in contacts if one.stands_apart},
+            {
+                one.recording.name: sum(self.chains[name].radius for name in one.recording.chains)
+                for one in contacts
+                if one.stands_apart
+            },
         )
-
-    def _expected(self, one: Contacts) -> float:
-        return sum(self.chains[name].radius for name in one.recording.chains)
 
     def start(self, contacts: Sequence[Contacts]) -> ChainState:
         """Mounts as they came, with the tips that fit them best where none was assumed."""

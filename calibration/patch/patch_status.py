@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import ConvexHull, cKDTree
@@ -66,23 +65,8 @@ STATUS = {
 Finding = tuple[Doubt, str]
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class Names:
-    """What taxels are called in messages: their channels (n,), or their rows."""
-
-    channels: IntArray
-
-    def taxel(self, row: int) -> int:
-        """Name of a taxel."""
-        return int(self.channels[row])
-
-    def of(self, evidence: Evidence, row: int) -> int:
-        """Name of the taxel that an anchor or a touch is of most."""
-        return self.taxel(int(np.argmax(evidence.blend[row])))
-
-
 def judge(
-    target: Target, evidence: Evidence, minima: list[Minimum], names: Names
+    target: Target, evidence: Evidence, minima: list[Minimum], channels: IntArray
 ) -> PatchCalibration:
     """The lowest minimum as a calibration, with its covariance, status and reasons.
 
@@ -93,7 +77,8 @@ def judge(
         Anchors, and touches where it is doubted.
     minima : list of Minimum
         The lowest first.
-    names : Names
+    channels : (n,) int
+        What the taxels are called in messages.
     """
     best = minima[0]
     board = best.board
@@ -124,16 +109,13 @@ def judge(
     unexpected = (1.0 + strain) / (1.0 + expected) - 1.0
     found = [
         *_folded(target, x, faces, normals),
-        *_overlapping(board, x, normals, names),
-        *_contradictions(evidence, left_out, names),
-        *_costly(evidence, best.cost),
-        *_stretched(unexpected),
-        *_off_scale(best.state.scale),
+        *_overlapping(board, x, normals, channels),
+        *_contradictions(evidence, left_out, channels),
+        *_ill_fitting(evidence, best.cost, unexpected, best.state.scale),
         *_unobservable(x, covariance, spacing),
-        *_ambiguous(minima, spacing, names),
-        *_doubted(evidence, agrees),
-        *_uncovered(share, needed),
-        *_round_an_edge(board, faces, places, names),
+        *_ambiguous(minima, spacing, channels),
+        *_too_little(evidence, agrees, share, needed),
+        *_round_an_edge(board, faces, places, channels),
         *_unsettled(best.state.moved),
     ]
     kinds = {"anchors": ~evidence.doubted, "touches": evidence.doubted}
@@ -185,7 +167,7 @@ def coverage(layout: FloatArray, places: FloatArray) -> float:
 
 
 def _overlapping(
-    board: Board, positions: FloatArray, normals: FloatArray, names: Names
+    board: Board, positions: FloatArray, normals: FloatArray, channels: IntArray
 ) -> Iterator[Finding]:
     """A board that comes round to itself: taxels from far apart on it at one place of the link."""
     pitch = median_spacing(board.layout)
@@ -198,12 +180,12 @@ def _overlapping(
     if far.any():
         one, other = pairs[far][0].tolist()
         apart = 1e3 * np.linalg.norm(positions[one] - positions[other])
-        words = f"channels {names.taxel(one)} and {names.taxel(other)} ({apart:.1f} mm apart)"
+        words = f"channels {channels[one]} and {channels[other]} ({apart:.1f} mm apart)"
         yield Doubt.OVERLAP, f"the board lies on itself at {words}: it is longer than the link"
 
 
 def _round_an_edge(
-    board: Board, faces: FloatArray, places: FloatArray, names: Names
+    board: Board, faces: FloatArray, places: FloatArray, channels: IntArray
 ) -> Iterator[Finding]:
     """A sheet that turns round an edge beyond the hull of its evidence, at places (k, 2)."""
     i, j = board.pairs.T
@@ -220,7 +202,7 @@ def _round_an_edge(
     )
     round_it = np.unique(np.where(gap[i] > gap[j], i, j)[sharp])
     if len(round_it):
-        named = first_few([names.taxel(row) for row in round_it.tolist()])
+        named = first_few(channels[round_it].tolist())
         yield (
             Doubt.EDGE,
             f"the sheet turns round an edge beyond its evidence, at {len(round_it)} taxels: "
@@ -243,15 +225,6 @@ def _beyond(layout: FloatArray, places: FloatArray) -> FloatArray:
     return np.where(inside, 0.0, np.linalg.norm(away, axis=2).min(axis=1))
 
 
-def _uncovered(share: float, needed: float) -> Iterator[Finding]:
-    if share < needed:
-        yield (
-            Doubt.COVERAGE,
-            f"the evidence spans {100 * share:.0f} % of the patch, at least {100 * needed:.0f} % "
-            "are needed: add some near its far ends",
-        )
-
-
 def _unsettled(moved: float) -> Iterator[Finding]:
     """A search that ended for want of steps: the covariance is that of no minimum."""
     if moved > ROUGHLY:
@@ -259,8 +232,10 @@ def _unsettled(moved: float) -> Iterator[Finding]:
         yield Doubt.UNSETTLED, f"{words} {1e3 * moved:.2f} mm"
 
 
-def _doubted(evidence: Evidence, agrees: BoolArray) -> Iterator[Finding]:
-    """Touches that are too few, or that contradict each other."""
+def _too_little(
+    evidence: Evidence, agrees: BoolArray, share: float, needed: float
+) -> Iterator[Finding]:
+    """Touches that are too few, or that contradict each other; evidence of a small share."""
     count, good = int(evidence.doubted.sum()), int((evidence.doubted & agrees).sum())
     if 0 < count < FEWEST_TOUCHES and evidence.doubted.all():
         yield Doubt.FEW, f"{count} touches, at least {FEWEST_TOUCHES} are needed"
@@ -270,9 +245,15 @@ def _doubted(evidence: Evidence, agrees: BoolArray) -> Iterator[Finding]:
             f"only {good} of {count} touches agree with the patch found: wrong channels, "
             "a probe that is off, or another link",
         )
+    if share < needed:
+        yield (
+            Doubt.COVERAGE,
+            f"the evidence spans {100 * share:.0f} % of the patch, at least {100 * needed:.0f} % "
+            "are needed: add some near its far ends",
+        )
 
 
-def _ambiguous(minima: list[Minimum], spacing: float, names: Names) -> Iterator[Finding]:
+def _ambiguous(minima: list[Minimum], spacing: float, channels: IntArray) -> Iterator[Finding]:
     best = minima[0]
     for other in minima[1:]:
         apart = np.linalg.norm(other.state.positions - best.state.positions, axis=1)
@@ -281,17 +262,17 @@ def _ambiguous(minima: list[Minimum], spacing: float, names: Names) -> Iterator[
                 Doubt.RIVAL,
                 f"another place fits as well (cost {other.cost:.1f} against {best.cost:.1f}), "
                 f"{1e3 * np.median(apart):.1f} mm away: add an anchor where they differ most, "
-                f"at channel {names.taxel(int(np.argmax(apart)))}",
+                f"at channel {channels[np.argmax(apart)]}",
             )
             return
 
 
-def _contradictions(evidence: Evidence, left_out: LeftOut, names: Names) -> Iterator[Finding]:
+def _contradictions(evidence: Evidence, left_out: LeftOut, channels: IntArray) -> Iterator[Finding]:
     """Anchors that are not where all others say."""
     rows = np.flatnonzero(~evidence.doubted & (left_out.misfit > CONTRADICTION))
     worst = rows[np.argsort(-left_out.misfit[rows], kind="stable")][:NEXT].tolist()
     words = ", ".join(
-        f"{names.of(evidence, row)} ({1e3 * left_out.distance[row]:.1f} mm, expected "
+        f"{channels[evidence.taxel(row)]} ({1e3 * left_out.distance[row]:.1f} mm, expected "
         f"{1e3 * left_out.expected[row]:.1f} mm)"
         for row in worst
     )
@@ -311,8 +292,10 @@ def _freedom(evidence: Evidence) -> int:
     return 0 if evidence.doubted.any() else max(0, 3 * len(evidence) - PLACED)
 
 
-def _costly(evidence: Evidence, cost: float) -> Iterator[Finding]:
-    """Anchors that together fit worse than their errors explain, though none stands out."""
+def _ill_fitting(
+    evidence: Evidence, cost: float, strain: FloatArray, scale: float
+) -> Iterator[Finding]:
+    """Anchors that fit worse together than their errors explain; other lengths, another scale."""
     free = _freedom(evidence)
     most = float(chdtri(free, UNLIKELY)) if free else np.inf
     if cost > most:
@@ -322,9 +305,6 @@ def _costly(evidence: Evidence, cost: float) -> Iterator[Finding]:
             f"most {most:.0f} expected): one of them may be misplaced, the board of another scale, "
             "or the errors larger",
         )
-
-
-def _stretched(strain: FloatArray) -> Iterator[Finding]:
     rms = float(np.sqrt(np.mean(strain**2)))
     if rms > STRETCHED:
         yield (
@@ -332,9 +312,6 @@ def _stretched(strain: FloatArray) -> Iterator[Finding]:
             f"lengths are stretched by {100 * rms:.1f} % rms to fit: "
             "another board, or anchors on wrong taxels",
         )
-
-
-def _off_scale(scale: float) -> Iterator[Finding]:
     if abs(float(np.log(scale))) / SCALE > OFF_SCALE:
         size = "larger" if scale > 1.0 else "smaller"
         words = f"the board would be {100 * abs(scale - 1.0):.1f} % {size} than it is drawn"

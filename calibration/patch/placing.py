@@ -31,7 +31,7 @@ from calibration.patch.patch_evidence import (
     check_names,
     check_spread,
 )
-from calibration.patch.patch_status import Names, judge
+from calibration.patch.patch_status import judge
 from calibration.patch.sheet_model import Evidence
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, freeze
 from skinmap.errors import InvalidArrayError
@@ -99,7 +99,8 @@ class Problem:
         As it was tried: turned round already where `mirror` is set [m].
     modules : (n,) int or None
     evidence : Evidence
-    names : Names
+    channels : (n,) int
+        What the taxels are called in messages.
     mirror : bool
         Whether the caller said that the board is drawn from its other side.
     seed : int
@@ -110,30 +111,38 @@ class Problem:
     layout: FloatArray
     modules: IntArray | None
     evidence: Evidence
-    names: Names
+    channels: IntArray
     mirror: bool
     seed: int
 
+    def name(self, row: int) -> int:
+        """Channel of the taxel that an anchor or a touch is of most."""
+        return int(self.channels[self.evidence.taxel(row)])
+
     def tried(
-        self, layout: FloatArray, evidence: Evidence, *, wide: bool = False, patient: bool = False
+        self,
+        layout: FloatArray,
+        evidence: Evidence,
+        *,
+        wide: bool = False,
+        patient: bool = False,
+        rng: np.random.Generator | None = None,
     ) -> PatchCalibration:
-        """The patch that other input gives, judged in the same way; by more starts if patient."""
+        """The patch that some input gives, judged in the same way; by more starts if patient."""
         board = make_board(layout, self.modules)
         if wide:
-            board = replace(board, firmness=_with_free_scale(board))
-        first = _first(self.target, board, evidence)
+            firmness = np.array(board.firmness)
+            firmness[0] = 1.0 / WIDE**2
+            board = replace(board, firmness=firmness)
+        # Starts are fitted to anchors, or where there are none to the touches that agree.
+        anchors = ~evidence.doubted
         minima = find_minima(
-            self.target, board, evidence, first,
+            self.target, board, evidence,
+            anchors if anchors.any() else consistent(self.target, board, evidence),
             starts=STARTS if patient else ONE, patient=patient,
-            rng=np.random.default_rng(self.seed),
+            rng=np.random.default_rng(self.seed) if rng is None else rng,
         )  # fmt: skip
-        return judge(self.target, evidence, minima, self.names)
-
-
-def _first(target: Target, board: Board, evidence: Evidence) -> BoolArray:
-    """What starts are fitted to: anchors, or where there are none the touches that agree."""
-    anchors = ~evidence.doubted
-    return anchors if anchors.any() else consistent(target, board, evidence)
+        return judge(self.target, evidence, minima, self.channels)
 
 
 def lay(
@@ -153,19 +162,16 @@ def lay(
     rng = np.random.default_rng(rng)
     flat = check_layout(layout) * ([-1.0, 1.0] if mirror else [1.0, 1.0])
     rows = np.arange(len(flat))
-    names = Names(rows if channels is None else check_names(channels, "channels", len(flat)))
+    names = rows if channels is None else check_names(channels, "channels", len(flat))
     plates = None if modules is None else check_names(modules, "modules", len(flat))
     mesh = check_link(*link)
-    evidence = gather(flat, mesh, names.channels)
+    evidence = gather(flat, mesh, names)
     seed = int(rng.integers(2**32))
     problem = Problem(make_target(*mesh), flat, plates, evidence, names, mirror, seed)
     # One thread: matrices of one patch are too small for more, and sums in another order would end
     # in other bits.
     with threadpool_limits(limits=1, user_api="blas"):
-        board = make_board(flat, plates)
-        first = _first(problem.target, board, evidence)
-        minima = find_minima(problem.target, board, evidence, first, rng=rng)
-        return explained(problem, judge(problem.target, evidence, minima, names))
+        return explained(problem, problem.tried(flat, evidence, patient=True, rng=rng))
 
 
 @dataclass(frozen=True, slots=True)
@@ -244,7 +250,7 @@ def _exchanged(problem: Problem, anchors: IntArray) -> Cause | None:
         swapped = replace(evidence, points=_exchange(evidence.points, (one, other)))
         trial = problem.tried(problem.layout, swapped)
         if _consistent(trial):
-            first, second = (problem.names.of(evidence, own) for own in (one, other))
+            first, second = problem.name(one), problem.name(other)
             words = (
                 f"the anchors of channels {first} and {second} are exchanged: put right, they fit"
             )
@@ -281,7 +287,7 @@ def _left_out(problem: Problem, anchors: IntArray, found: PatchCalibration) -> C
     if not fits:
         return None
     cost, row, trial = min(fits, key=lambda fit: fit[0])
-    name, point = problem.names.of(evidence, row), evidence.points[row]
+    name, point = problem.name(row), evidence.points[row]
     away = float(np.linalg.norm(point - evidence.blend[row] @ trial.positions))
     words = (
         f"the anchor of channel {name} is misplaced or misnamed: by the others its taxel is "
@@ -289,18 +295,12 @@ def _left_out(problem: Problem, anchors: IntArray, found: PatchCalibration) -> C
     )
     nearest = int(np.argmin(np.linalg.norm(trial.positions - point, axis=1)))
     if nearest != int(np.argmax(evidence.blend[row])):
-        words += f", and channel {problem.names.taxel(nearest)} is where it was measured"
+        words += f", and channel {problem.channels[nearest]} is where it was measured"
     rivals = [other for own, other, _ in fits if other != row and own < CLEARER * cost]
     if rivals:
-        others = ", ".join(str(problem.names.of(evidence, other)) for other in rivals)
+        others = ", ".join(str(problem.name(other)) for other in rivals)
         words += f" (or it is that of {others}: measure these again)"
     return Cause(cost + 3.0 * PRICE, words)
-
-
-def _with_free_scale(board: Board) -> FloatArray:
-    firmness = np.array(board.firmness)
-    firmness[0] = 1.0 / WIDE**2
-    return firmness
 
 
 FAR = 0.05  # a touch further than this from the link cannot have touched it [m]

@@ -66,6 +66,10 @@ class Evidence(Frozen):
         """Some of the places."""
         return Evidence(self.blend[rows], self.points[rows], self.sigma[rows], self.doubted[rows])
 
+    def taxel(self, row: int) -> int:
+        """The taxel that a place is of most."""
+        return int(np.argmax(self.blend[row]))
+
     def missed(self, positions: FloatArray, normals: FloatArray) -> FloatArray:
         """(k, 3) from each point to the sheet there [m].
 

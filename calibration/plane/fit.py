@@ -298,7 +298,7 @@ def _widening(problem: PlaneProblem, best: Solution, slopes: FloatArray) -> floa
     layout, m = best.layout, len(problem.contacts)
     scores = problem.contact_scores(best.state, layout)
     prior = best.prior.copy()
-    depths = np.arange(layout.depth, layout.depth + m)
+    depths = layout.depth
     scores[np.arange(m), depths] -= prior[depths] * best.state.depths
     prior[depths] = 0.0
     C = best.covariance()

@@ -162,11 +162,6 @@ class Patch:
         return np.asarray(np.eye(int(self.module.max()) + 1)[self.module])
 
 
-_Normal = tuple[FloatArray, FloatArray]  # matrix, its upper triangle, and right side
-# Weights (m, n), scores (m, n), weighted slopes (m, n, main), 1 / tau, shifts' slopes (m, 3).
-_Evidence = tuple[FloatArray, FloatArray, FloatArray, float, FloatArray]
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class Layout:
     """Columns of the unknowns."""
@@ -177,9 +172,9 @@ class Layout:
     joint: dict[int, int]
     tau: int
     main: int  # how many come before the random ones
-    depth: int
-    shift: dict[str, int]
-    height: dict[str, int]
+    depth: IntArray  # (m,)
+    shift: dict[str, IntArray]  # (g, 3) by patch
+    height: dict[str, IntArray]  # (n,) by patch
     count: int
 
 
@@ -189,7 +184,6 @@ class System:
 
     normal: FloatArray  # (count, count), of the evidence alone
     slope: FloatArray  # (count,), of the evidence alone
-    cost: float  # -log likelihood of the evidence
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -210,16 +204,16 @@ class PlaneProblem:
         first = plane + (3 if self.tilting else 1) * self.surfaces
         joint = {number: first + k for k, number in enumerate(used)}
         tau = first + len(used)
-        column = depth = tau + 1
-        column += len(self.contacts)
+        depth = tau + 1 + np.arange(len(self.contacts))
+        column = tau + 1 + len(depth)
         shift, height = {}, {}
         for name, one in self.patches.items():
-            shift[name] = column
-            column += 3 * (int(one.module.max()) + 1)
+            shift[name] = column + np.arange(3 * (int(one.module.max()) + 1)).reshape(-1, 3)
+            column += shift[name].size
         for name, one in self.patches.items():
-            height[name] = column
+            height[name] = column + np.arange(len(one.module))
             column += len(one.module)
-        return Layout(mount, plane, self.tilting, joint, tau, depth, depth, shift, height, column)
+        return Layout(mount, plane, self.tilting, joint, tau, tau + 1, depth, shift, height, column)
 
     def signed(self, name: str, state: PlaneState) -> FloatArray:
         """(m, n) distances of a patch's taxels above the surface [m]."""
@@ -268,10 +262,9 @@ class PlaneProblem:
     def system(self, state: PlaneState, layout: Layout) -> System:
         """Scores and their expected information (Fisher's scoring)."""
         normal, slope = np.zeros((layout.count,) * 2), np.zeros(layout.count)
-        cost = 0.0
         for name in self.patches:
-            cost += self._add(name, state, layout, normal, slope)
-        return System(np.triu(normal) + np.triu(normal, 1).T, slope, cost)
+            self._add(name, state, layout, normal, slope)
+        return System(np.triu(normal) + np.triu(normal, 1).T, slope)
 
     def rows(
         self, name: str, state: PlaneState, layout: Layout
@@ -319,56 +312,36 @@ class PlaneProblem:
 
     def _add(
         self, name: str, state: PlaneState, layout: Layout, normal: FloatArray, slope: FloatArray
-    ) -> float:
+    ) -> None:
         """Add one patch's evidence to the upper triangle of `normal` and to `slope`."""
-        usable = self.patches[name].usable
+        patch = self.patches[name]
         z, slopes, k, shifts = self.rows(name, state, layout)
         weighed = weigh(z, self.contacts.active[name])
-        w, g, loss = (one * usable for one in weighed)
-        m, main = len(z), layout.main
+        w, g, _ = (one * patch.usable for one in weighed)
+        main, depths = layout.main, layout.depth
+        own, heights = layout.shift[name], layout.height[name]
         weighted = w[:, :, None] * slopes
         flat = slopes.reshape(-1, main)
         normal[:main, :main] += flat.T @ weighted.reshape(-1, main)
         slope[:main] += flat.T @ g.ravel()
-        depths = np.arange(layout.depth, layout.depth + m)
         normal[:main, depths] += k * weighted.sum(axis=1).T
         normal[depths, depths] += k * k * w.sum(axis=1)
         slope[depths] += k * g.sum(axis=1)
-        seen = w, g, weighted, k, shifts
-        self._add_shifts(name, layout, (normal, slope), seen)
-        self._add_heights(name, layout, (normal, slope), seen)
-        return float(loss.sum())
-
-    def _add_shifts(self, name: str, layout: Layout, into: _Normal, seen: _Evidence) -> None:
-        """Evidence on the modules' shifts, alone and with main unknowns and depths."""
-        (normal, slope), (w, g, weighted, k, shifts) = into, seen
-        member = self.patches[name].member
-        m, groups = len(w), member.shape[1]
-        own = slice(layout.shift[name], layout.shift[name] + 3 * groups)
+        # The modules' shifts, alone and with main unknowns and depths.
+        member = patch.member
         by_module = weighted.transpose(0, 2, 1) @ member  # (m, main, g)
-        crossed = np.einsum("mpg,mk->pgk", by_module, shifts)
-        normal[: layout.main, own] += crossed.reshape(layout.main, -1)
+        normal[:main, own] += np.einsum("mpg,mk->pgk", by_module, shifts)
         w_module = w @ member  # (m, g)
-        depths = slice(layout.depth, layout.depth + m)
-        normal[depths, own] += (k * w_module[:, :, None] * shifts[:, None]).reshape(m, -1)
+        normal[depths[:, None, None], own] += k * w_module[:, :, None] * shifts[:, None]
         square = np.einsum("mg,mi,mj->gij", w_module, shifts, shifts)
-        for one in range(groups):
-            at = slice(own.start + 3 * one, own.start + 3 * one + 3)
-            normal[at, at] += square[one]
-        slope[own] += np.einsum("mg,mk->gk", g @ member, shifts).ravel()
-
-    def _add_heights(self, name: str, layout: Layout, into: _Normal, seen: _Evidence) -> None:
-        """Evidence on the taxels' heights, alone and with all other unknowns."""
-        (normal, slope), (w, g, weighted, k, shifts) = into, seen
-        m, n = w.shape
-        first = layout.height[name]
-        own = np.arange(first, first + n)
-        normal[: layout.main, own] -= k * weighted.sum(axis=0).T
-        normal[layout.depth : layout.depth + m, own] -= k * k * w
-        rows = layout.shift[name] + 3 * self.patches[name].module[:, None] + np.arange(3)
-        normal[rows, own[:, None]] -= k * np.einsum("mn,mk->nk", w, shifts)
-        normal[own, own] += k * k * w.sum(axis=0)
-        slope[own] -= k * g.sum(axis=0)
+        normal[own[:, :, None], own[:, None]] += square
+        slope[own] += np.einsum("mg,mk->gk", g @ member, shifts)
+        # The taxels' heights, alone and with all other unknowns.
+        normal[:main, heights] -= k * weighted.sum(axis=0).T
+        normal[depths[:, None], heights] -= k * k * w
+        normal[own[patch.module], heights[:, None]] -= k * np.einsum("mn,mk->nk", w, shifts)
+        normal[heights, heights] += k * k * w.sum(axis=0)
+        slope[heights] -= k * g.sum(axis=0)
 
     def contact_scores(self, state: PlaneState, layout: Layout) -> FloatArray:
         """(m, count) slopes of the log likelihood of each contact's readings."""
@@ -378,12 +351,9 @@ class PlaneProblem:
             z, J, k, u = self.rows(name, state, layout)
             g = weigh(z, self.contacts.active[name])[1] * patch.usable
             scores[:, : layout.main] += np.einsum("mn,mnp->mp", g, J)
-            scores[np.arange(m), layout.depth + np.arange(m)] += k * g.sum(axis=1)
-            by_module = (g @ patch.member)[:, :, None] * u[:, None]
-            start = layout.shift[name]
-            scores[:, start : start + by_module[0].size] += by_module.reshape(m, -1)
-            start = layout.height[name]
-            scores[:, start : start + g.shape[1]] -= k * g
+            scores[np.arange(m), layout.depth] += k * g.sum(axis=1)
+            scores[:, layout.shift[name]] += (g @ patch.member)[:, :, None] * u[:, None]
+            scores[:, layout.height[name]] -= k * g
         return scores
 
     def prior(self, state: PlaneState, layout: Layout, spreads: Spreads) -> FloatArray:
@@ -401,16 +371,11 @@ class PlaneProblem:
         for column in layout.joint.values():
             precision[column] = self.joint_sigma**-2
         precision[layout.tau] = TAU_FOLD**-2
-        m = len(self.contacts)
         depth = state.depths / spreads.depth
-        precision[layout.depth : layout.depth + m] = (
-            (TAIL + 1.0) / (TAIL + depth**2) * spreads.depth**-2
-        )
-        for name, one in self.patches.items():
-            start = layout.shift[name]
-            precision[start : start + 3 * one.member.shape[1]] = spreads.shift**-2
-            start = layout.height[name]
-            precision[start : start + len(one.module)] = spreads.height**-2
+        precision[layout.depth] = (TAIL + 1.0) / (TAIL + depth**2) * spreads.depth**-2
+        for name in self.patches:
+            precision[layout.shift[name]] = spreads.shift**-2
+            precision[layout.height[name]] = spreads.height**-2
         return precision
 
     def values(self, state: PlaneState, layout: Layout, start: PlaneState) -> FloatArray:
@@ -427,10 +392,10 @@ class PlaneProblem:
         for number, column in layout.joint.items():
             x[column] = state.offsets[number]
         x[layout.tau] = np.log(state.tau / TAU)
-        x[layout.depth : layout.depth + len(self.contacts)] = state.depths
+        x[layout.depth] = state.depths
         for name in self.patches:
-            x[layout.shift[name] :][: state.shifts[name].size] = state.shifts[name].ravel()
-            x[layout.height[name] :][: len(state.heights[name])] = state.heights[name]
+            x[layout.shift[name]] = state.shifts[name]
+            x[layout.height[name]] = state.heights[name]
         return x
 
     def moved(self, state: PlaneState, layout: Layout, move: FloatArray) -> PlaneState:
@@ -441,10 +406,8 @@ class PlaneProblem:
             M[:3, :3] = Rotation.from_rotvec(move[column : column + 3]).as_matrix() @ M[:3, :3]
             M[:3, 3] += move[column + 3 : column + 6]
             new.mounts[name] = M
-            own = slice(layout.shift[name], layout.shift[name] + new.shifts[name].size)
-            new.shifts[name] = new.shifts[name] + move[own].reshape(-1, 3)
-            own = slice(layout.height[name], layout.height[name] + len(new.heights[name]))
-            new.heights[name] = new.heights[name] + move[own]
+            new.shifts[name] = new.shifts[name] + move[layout.shift[name]]
+            new.heights[name] = new.heights[name] + move[layout.height[name]]
         width = 3 if layout.tilting else 1
         for number in range(len(new.normals)):
             column = layout.plane + width * number
@@ -457,7 +420,7 @@ class PlaneProblem:
         for number, column in layout.joint.items():
             new.offsets[number] += move[column]
         new.tau = state.tau * float(np.exp(np.clip(move[layout.tau], -1.0, 1.0)))
-        new.depths = state.depths + move[layout.depth : layout.depth + len(self.contacts)]
+        new.depths = state.depths + move[layout.depth]
         return new
 
 

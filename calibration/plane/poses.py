@@ -178,10 +178,7 @@ def most_telling(
     kept = _persistent(layout)
     covariance = solution.covariance()
     C = covariance[np.ix_(kept, kept)]
-    heights = {
-        name: np.diag(covariance)[layout.height[name] :][: len(one.module)]
-        for name, one in problem.patches.items()
-    }
+    heights = {name: np.diag(covariance)[own] for name, own in layout.height.items()}
     told = [
         _information(problem, state, layout, row, surface, solution.spreads.depth, heights)
         for row, surface in zip(candidates.angles, candidates.surface.tolist(), strict=True)
@@ -217,9 +214,8 @@ def _gain(told: tuple[FloatArray, FloatArray], C: FloatArray, lowered: FloatArra
 
 def _persistent(layout: Layout) -> IntArray:
     """Columns that a further contact tells of: the main ones and the modules' shifts."""
-    first = min(layout.shift.values())
-    last = min(layout.height.values())
-    return np.r_[np.arange(layout.main), np.arange(first, last)]
+    shifts = (own.ravel() for own in layout.shift.values())
+    return np.concatenate([np.arange(layout.main), *shifts])
 
 
 def _information(
@@ -233,7 +229,6 @@ def _information(
 ) -> tuple[FloatArray, FloatArray]:
     """Whitened slopes (r, kept) of one pose's readings, and their covariance (r, r)."""
     kept = _persistent(layout)
-    first = kept[layout.main] if len(kept) > layout.main else 0
     parts, shared, alone = [], [], []
     for name, patch in problem.patches.items():
         contacts = PlaneContacts(
@@ -246,11 +241,11 @@ def _information(
         information = weigh(z, np.zeros(z.shape, np.bool_))[0][0] * patch.usable
         rows = np.flatnonzero(information > TOLD)
         root = np.sqrt(information[rows])[:, None]
-        A = np.zeros((len(rows), len(kept)))
+        A = np.zeros((len(rows), layout.count))
         A[:, : layout.main] = root * J[0, rows]
-        at = layout.main + layout.shift[name] - first + 3 * patch.module[rows]
-        A[np.arange(len(rows))[:, None], at[:, None] + np.arange(3)] = root * u[0]
-        parts.append(A)
+        at = layout.shift[name][patch.module[rows]]
+        A[np.arange(len(rows))[:, None], at] = root * u[0]
+        parts.append(A[:, kept])
         shared.append(root[:, 0] * float(k))
         alone.append((root[:, 0] * float(k)) ** 2 * heights[name][rows])
     a = np.concatenate(shared)
@@ -268,9 +263,7 @@ def place_slopes(problem: PlaneProblem, state: PlaneState, layout: Layout) -> Fl
         slopes = np.zeros((n, 3, layout.count))
         first = layout.mount[name]
         slopes[:, :, first : first + 6] = motion_slopes(arm)
-        at = layout.shift[name] + 3 * patch.module
-        for axis in range(3):
-            slopes[np.arange(n), :, at + axis] = M[:3, axis]
+        slopes[np.arange(n)[:, None], :, layout.shift[name][patch.module]] = M[:3, :3].T
         every.append(slopes)
     return np.concatenate(every)
 

@@ -122,9 +122,7 @@ class _Search:
 
     def coarse(self, state: PlaneState) -> PlaneState:
         """Steps of mounts, planes, joints and press depths alone under a wide curve."""
-        first = self.layout.depth
-        depths = np.arange(first, first + len(self.problem.contacts))
-        own = np.concatenate([np.arange(self.layout.tau), depths])
+        own = np.concatenate([np.arange(self.layout.tau), self.layout.depth])
         spreads, damping = replace(BELIEF, depth=COARSE_DEPTH), EASY
         for _ in range(COARSE_STEPS):
             step = self.descend(state, spreads, own, damping)
@@ -165,9 +163,8 @@ class _Search:
         x = self.problem.values(state, layout, self.start)
         squares = self.problem.prior(state, layout, spreads) * x**2
         # Depths are weighed again before each step: within one they are plain squares.
-        depths = slice(layout.depth, layout.depth + len(self.problem.contacts))
-        scaled = (x[depths] / spreads.depth) ** 2
-        squares[depths] = (TAIL + 1.0) * np.log1p(scaled / TAIL)
+        scaled = (x[layout.depth] / spreads.depth) ** 2
+        squares[layout.depth] = (TAIL + 1.0) * np.log1p(scaled / TAIL)
         # Unknowns that follow the noise make the curve look steeper than it is: integrated over
         # them, the evidence has a factor of tau for every two (its information goes with 1 / tau).
         fitted = 0.5 * spreads.fitted * x[layout.tau]
@@ -177,28 +174,24 @@ class _Search:
         self, state: PlaneState, variance: FloatArray, prior: FloatArray, before: Spreads
     ) -> Spreads:
         """Spreads that make what was found, and what is left unknown of it, most likely."""
-        x = self.problem.values(state, self.layout, self.start)
+        layout = self.layout
+        x = self.problem.values(state, layout, self.start)
         settled = np.clip(1.0 - prior * variance, 0.0, 1.0)
         squares = x**2
-        depths = self._columns("depth", state)
         # As the heavy tails weigh them.
-        squares[depths] *= prior[depths] * before.depth**2 * TAIL / (TAIL + 1.0)
+        squares[layout.depth] *= prior[layout.depth] * before.depth**2 * TAIL / (TAIL + 1.0)
         found = {}
-        for kind in ("depth", "shift", "height"):
+        columns = {
+            "depth": layout.depth,
+            "shift": np.concatenate(list(layout.shift.values())),
+            "height": np.concatenate(list(layout.height.values())),
+        }
+        for kind, own in columns.items():
             # MacKay, Neural Computation 4, 1992: only what the evidence settles counts.
-            own = self._columns(kind, state)
             worth, belief = getattr(WORTH, kind), getattr(BELIEF, kind)
             total = worth * belief**2 + squares[own].sum()
             found[kind] = float(np.sqrt(total / (worth + settled[own].sum())))
         return Spreads(**found, fitted=float(settled.sum()))
-
-    def _columns(self, kind: str, state: PlaneState) -> IntArray:
-        layout = self.layout
-        if kind == "depth":
-            return np.arange(layout.depth, layout.depth + len(self.problem.contacts))
-        first = layout.shift if kind == "shift" else layout.height
-        held = state.shifts if kind == "shift" else state.heights
-        return np.concatenate([first[name] + np.arange(held[name].size) for name in first])
 
 
 def first_states(problem: PlaneProblem, planes: Sequence[Plane] | None) -> list[PlaneState]:

@@ -65,14 +65,6 @@ class Health(StrEnum):
     NEVER_TOUCHED = "never touched"  # looks well, no load has proved it yet
 
 
-@dataclass(eq=False, slots=True)
-class ResponseTracker:
-    """What a stream carries from block to block: drifting baselines, and which loads fall."""
-
-    drift: DriftTracker
-    branch: BranchFollower
-
-
 @dataclass(frozen=True, eq=False, slots=True, repr=False)
 class ResponseCalibration(Summary):
     """How each of n channels answers.
@@ -241,12 +233,12 @@ class ResponseCalibration(Summary):
             None if thermal is None else np.asarray(thermal, np.bool_),
         )
 
-    def track(self, rate: float | None = None) -> ResponseTracker:
+    def track(self, rate: float | None = None) -> DriftTracker:
         """A tracker that follows a live stream of `rate` samples a second, block after block.
 
         Without a rate it follows samples at that of the calibration.
         """
-        drift = DriftTracker(
+        return DriftTracker(
             self.baseline,
             self.threshold,
             self.sign,
@@ -255,9 +247,8 @@ class ResponseCalibration(Summary):
             thermal=self.thermal,
             trusted=self._fit_to_use(),
         )
-        return ResponseTracker(drift, BranchFollower(0.5 * self.threshold))
 
-    def apply(self, samples: ArrayLike, *, tracker: ResponseTracker | None = None) -> FloatArray:
+    def apply(self, samples: ArrayLike, *, tracker: DriftTracker | None = None) -> FloatArray:
         """Pressures (t, n) for samples (t, n): counts above the tracked baseline, or loads.
 
         Values below a taxel's threshold, and channels that are dead, stuck, saturated, noisy or
@@ -274,7 +265,7 @@ class ResponseCalibration(Summary):
         if block.shape[1] != len(self):
             raise SkinMismatchError(f"{block.shape[1]} taxels, calibrated are {len(self)}")
         state = self.track() if tracker is None else tracker
-        answer = state.drift.apply(block)
+        answer = state.apply(block)
         touched = answer > self.threshold
         if self.gain is None:
             pressure = answer
@@ -429,6 +420,7 @@ class DriftTracker:
         self.baseline = baseline.copy()
         self.threshold = threshold
         self.sign, self.rate = sign, rate
+        self.branch = BranchFollower(0.5 * threshold)  # which loads fall
         self._tactile = np.ones(n, np.bool_) if thermal is None else ~thermal
         self._trusted = np.ones(n, np.bool_) if trusted is None else trusted
         self._module = np.zeros(n, np.int64)

@@ -66,7 +66,8 @@ class Scene:
 
     def cost(self, pose: FloatArray, standoff: float = 0.0) -> float:
         """Mean of Tukey's loss [m2]."""
-        return float(_tukey(self.heights(pose, standoff)).mean())
+        inside = np.clip(1.0 - (self.heights(pose, standoff) / WIDTH) ** 2, 0.0, 1.0)
+        return float((WIDTH**2 / 6.0 * (1.0 - inside**3)).mean())
 
     def apart(self, one: FloatArray, other: FloatArray) -> float:
         """Root mean square distance between the scan's points in two poses [m]."""
@@ -158,11 +159,6 @@ def linearised(
     turned = np.cross(arm, normals)
     rows = np.column_stack([turned, normals, np.full(len(arm), -1.0), grown])
     return rows, high, weight, middle
-
-
-def _tukey(distance: FloatArray) -> FloatArray:
-    inside = np.clip(1.0 - (distance / WIDTH) ** 2, 0.0, 1.0)
-    return np.asarray(WIDTH**2 / 6.0 * (1.0 - inside**3))
 
 
 def _rounded(pose: FloatArray) -> FloatArray:

@@ -203,8 +203,8 @@ def test_the_system_is_the_slope_of_the_evidence(case, chain):
     layout, state = problem.layout(), first_states(problem, None)[0]
     state.tau = 4e-3
     system = problem.system(state, layout)
-    for column in [0, 2, 4, *range(6, 9), *layout.joint.values(), layout.tau, layout.depth + 1,
-                   layout.shift[PART] + 40, layout.height[PART] + 100]:  # fmt: skip
+    for column in [0, 2, 4, *range(6, 9), *layout.joint.values(), layout.tau, layout.depth[1],
+                   layout.shift[PART].flat[40], layout.height[PART][100]]:  # fmt: skip
         step = np.zeros(layout.count)
         step[column] = 1e-6
         up, down = (
@@ -251,7 +251,7 @@ def test_the_exact_nulls_are_nulls(case, chain):
     assert null_share(system, null) < 1e-12
     # All press depths against the height of the plane.
     null = np.zeros(layout.count)
-    null[layout.plane], null[layout.depth : layout.depth + 40] = 1.0, -1.0
+    null[layout.plane], null[layout.depth] = 1.0, -1.0
     assert null_share(system, null) < 1e-12
     null[layout.plane] = -1.0
     assert null_share(system, null) > 1e-3

@@ -12,7 +12,7 @@ from calibration import Status, wrap_layout
 from calibration.patch import sheet_model
 from calibration.patch.minima import Minimum
 from calibration.patch.patch_calibration import Doubt
-from calibration.patch.patch_status import Names, _ambiguous, best_next
+from calibration.patch.patch_status import _ambiguous, best_next
 from calibration.patch.sheet_model import State
 from skinmap.errors import InvalidArrayError, InvalidMeshError, SkinError
 from tests.calibration.conftest import bend
@@ -102,7 +102,7 @@ def test_a_rival_is_told_by_how_much_less_likely_it_is(best, other, told):
         Minimum(None, State(places + [0.0, 0.0, away], np.zeros(1), 0.0), cost, np.eye(1))
         for away, cost in ((0.0, best), (30e-3, other))
     ]
-    found = _ambiguous(minima, 6e-3, Names(np.arange(25)))
+    found = _ambiguous(minima, 6e-3, np.arange(25))
     assert [doubt for doubt, _ in found] == [Doubt.RIVAL] * told
 
 

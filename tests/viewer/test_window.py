@@ -102,8 +102,8 @@ def test_play_shows_moments_until_closed(icub, prepared, wandering):
 def test_picture_that_comes_too_late_is_held_back_and_then_marked(window, monkeypatch):
     """Each picture takes 150 ms of a clock that stands still otherwise."""
     player, scene = window.player, window.scene
-    now = [player._outlet.clock()]
-    monkeypatch.setattr(player._outlet, "clock", lambda: now[0])
+    now = [player.clock()]
+    monkeypatch.setattr(player, "clock", lambda: now[0])
     cache, status = scene.canvas.cache, scene.canvas.status
     draw, present, presented = cache.draw, cache.present, []
 
@@ -116,7 +116,7 @@ def test_picture_that_comes_too_late_is_held_back_and_then_marked(window, monkey
     monkeypatch.setattr(cache, "present", lambda: (presented.append(cache.held), present()))
     for count in range(4):
         pressures = {p: np.full(len(one.skin), 10.0 + count) for p, one in scene.layers.items()}
-        player._outlet.show(Moment(100.0 + count, pressures), fresh=True)
+        player.show(Moment(100.0 + count, pressures), fresh=True)
         monkeypatch.setattr(player, "paused", False)
         window.turn()
         monkeypatch.setattr(player, "paused", True)

@@ -153,8 +153,8 @@ class Names:
             actor.SetVisibility(bool(visible))
 
 
-class LinkPicture:
-    """The link in a plotter's active renderer.
+class Half:
+    """What both halves of the picture have: marks and names in a plotter's active renderer.
 
     Parameters
     ----------
@@ -165,22 +165,26 @@ class LinkPicture:
     """
 
     def __init__(self, plotter: pv.Plotter, session: AnchorSession, font_px: int) -> None:
-        self.session = session
-        self.renderer = plotter.renderer
-        self.vertices = np.ascontiguousarray(session.link[0], np.float64)
-        self.faces = np.ascontiguousarray(session.link[1], np.int64)
-        self._mesh = make_mesh(self.vertices, self.faces)
-        self.normals = face_normals(self.vertices, self.faces)
+        self.session, self.renderer = session, plotter.renderer
         self.pitch = median_spacing(session.board.layout)
-        body = add_actor(plotter, _smooth(self._mesh), colour=BODY, lit=True)
-        body.prop.ambient, body.prop.diffuse = 0.35, 0.65
-        self.patch = Marks(plotter)
-        self.lines = Marks(plotter, NEXT, width=3.0)
-        self.following = Marks(plotter, NEXT)
-        self.chosen = Marks(plotter, CHOSEN)
-        self.balls = Marks(plotter, ANCHOR)
+        self.patch, self.following = Marks(plotter), Marks(plotter, NEXT)
+        self.chosen, self.anchors = Marks(plotter, CHOSEN), Marks(plotter, ANCHOR)
         self.names = Names(self.renderer, font_px, ANCHOR)
         self.next_names = Names(self.renderer, font_px, NEXT)
+
+
+class LinkPicture(Half):
+    """The link."""
+
+    def __init__(self, plotter: pv.Plotter, session: AnchorSession, font_px: int) -> None:
+        super().__init__(plotter, session, font_px)
+        self.vertices = np.ascontiguousarray(session.link[0], np.float64)
+        faces = np.ascontiguousarray(session.link[1], np.int64)
+        self._mesh = make_mesh(self.vertices, faces)
+        self.normals = face_normals(self.vertices, faces)
+        body = add_actor(plotter, _smooth(self._mesh), colour=BODY, lit=True)
+        body.prop.ambient, body.prop.diffuse = 0.35, 0.65
+        self.lines = Marks(plotter, NEXT, width=3.0)
 
     def show(self) -> Limits | None:
         """Draw what the session has now; the limits of the scale [mm], None without a patch."""
@@ -191,7 +195,7 @@ class LinkPicture:
         out = self._outward(points)
         if found is not None:  # above the patch, which is drawn above its taxels
             points = points + 1.2 * LIFT * found.normals[known]
-        self.balls.show(balls(points, radius))
+        self.anchors.show(balls(points, radius))
         self.names.show(channels(session), points, out)
         chosen = NO_POINT if session.point is None else session.point[None]
         self.chosen.show(balls(chosen, 1.3 * radius))
@@ -257,32 +261,16 @@ def _smooth(mesh: pv.PolyData) -> pv.PolyData:
     )  # fmt: skip
 
 
-class BoardPanel:
-    """The board in a plotter's active renderer.
-
-    Parameters
-    ----------
-    plotter : pyvista.Plotter
-    session : AnchorSession
-    font_px : int
-        Height of the letters [px].
-    """
+class BoardPanel(Half):
+    """The board."""
 
     def __init__(self, plotter: pv.Plotter, session: AnchorSession, font_px: int) -> None:
-        self.session = session
-        self.renderer = plotter.renderer
+        super().__init__(plotter, session, font_px)
         self.renderer.SetBackground(*rgb(PANEL))
         self.renderer.parallel_projection = True
         layout = session.board.layout
-        self.pitch = median_spacing(layout)
         self.places = np.column_stack([layout, np.zeros(len(layout))])
         self.up = np.tile([0.0, 0.0, 1.0], (len(layout), 1))
-        self.taxels = Marks(plotter)
-        self.following = Marks(plotter, NEXT)
-        self.anchors = Marks(plotter, ANCHOR)
-        self.chosen = Marks(plotter, CHOSEN)
-        self.names = Names(self.renderer, font_px, ANCHOR)
-        self.next_names = Names(self.renderer, font_px, NEXT)
         small = round(0.85 * font_px)
         Line(self.renderer, (SIDE, 0.975), font_px, bold=True).write("board, seen from outside")
         self.count = Line(self.renderer, (SIDE, 0.942), small, colour=FAINT)
@@ -301,7 +289,7 @@ class BoardPanel:
         else:
             colours = error_layer(limits).colours(MM * found.predicted_sd)
             following = found.next_taxels
-        self.taxels.show(polygons(self.places, self.up, DISC * self.pitch), colours)
+        self.patch.show(polygons(self.places, self.up, DISC * self.pitch), colours)
         known = np.array([anchor.taxel for anchor in session.anchors], np.int64)
         chosen = np.array([] if session.taxel is None else [session.taxel], np.int64)
         radius = FLAT_RING * self.pitch

@@ -14,13 +14,13 @@ import numpy as np
 
 from skinmap.errors import (
     DataFormatError,
-    MissingFileError,
     OutputError,
     SkinError,
     SkinMismatchError,
     check_known,
 )
 from skinmap.io.output import staged_file
+from skinmap.io.text import check_file, read_text
 from skinmap.skin.robot import Robot
 from viewer.interaction.mouse import Selection
 from viewer.scene import Scene, check_part, check_taxels
@@ -171,18 +171,14 @@ def has_camera(path: Path) -> bool:
 
 def _content(path: Path) -> dict[str, Any]:
     """A file's content, if it is that of a view."""
-    if not path.is_file():
-        raise MissingFileError(path, "a view saved by the viewer (key v)")
+    check_file(path, "a view saved by the viewer (key v)", LARGEST)
+    text = read_text(path)
     try:
-        if path.stat().st_size > LARGEST:
-            raise DataFormatError(f"more than {LARGEST} bytes: no saved view", path)
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise DataFormatError(f"cannot be read: {error.strerror}", path) from None
-    except (UnicodeDecodeError, RecursionError):
-        raise DataFormatError("no saved view: not JSON text", path) from None
+        content = json.loads(text)
     except json.JSONDecodeError as error:
         raise DataFormatError(f"damaged view: {error.msg}", path, error.lineno) from None
+    except RecursionError:
+        raise DataFormatError("no saved view: not JSON text", path) from None
     except ValueError:  # Python refuses whole numbers of thousands of digits
         raise DataFormatError("damaged view: a number of too many digits", path) from None
     if not isinstance(content, dict) or content.get("format") != FORMAT:

@@ -219,7 +219,7 @@ class MomentFeed:
 Feed = LoopFeed | MomentFeed  # moments one by one, at a pace
 
 
-class Player:
+class Player(Outlet):
     """Moments of a recording or a live source, one at a time.
 
     Live sources can be paused: the picture stays, samples go on, and what was seen last can be
@@ -260,8 +260,7 @@ class Player:
             self._feed: Feed = LoopFeed(moments)
         else:
             self._feed = moments if hasattr(moments, "step") else MomentFeed(moments)
-        self._outlet = Outlet()
-        self._news = self._outlet.news  # guards all below
+        super().__init__()  # whose `news` guards all below
         self._history = History()
         # What can be stepped through while the picture is halted, oldest first, and which is shown.
         self._past: tuple[Moment, ...] = ()
@@ -301,39 +300,14 @@ class Player:
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join(PATIENCE)
         self._feed.close()
-        self._outlet.close()
-
-    # What is shown.
-
-    @property
-    def moment(self) -> Moment | None:
-        """What is to be shown now; None before the first sample."""
-        return self._outlet.moment
-
-    @property
-    def number(self) -> int:
-        """Changes with each new moment to be shown."""
-        return self._outlet.number
-
-    def take(self) -> Moment | None:
-        """What is to be shown now, None where nothing has changed since the last call."""
-        return self._outlet.take(live=not self.paused)
-
-    def wait(self, number: int, timeout: float) -> bool:
-        """Wait until something else than `number` is to be shown; False after `timeout` [s]."""
-        return self._outlet.wait(number, timeout)
+        super().close()
 
     @property
     def age(self) -> float:
         """How long ago the sample arrived that was taken last [s]; NaN where nothing is live."""
         shown = self.moment
         live = shown is not None and not (shown.stale or self.paused or self.ended)
-        return self._outlet.age if live else math.nan
-
-    @property
-    def oldest(self) -> float:
-        """Largest age of a moment when it was taken to be drawn [s]."""
-        return self._outlet.oldest
+        return super().age if live else math.nan
 
     # Where it stands.
 
@@ -362,7 +336,7 @@ class Player:
         """
         if self.seekable:
             return 0.0, self.duration
-        with self._news:
+        with self.news:
             first, last = self._history.oldest, self._history.newest
         if first is None or last is None:
             return 0.0, 0.0
@@ -370,7 +344,7 @@ class Player:
 
     def spans(self) -> list[list[object]]:
         """Touches that were seen, as the pages get them: of what is live those of `span`."""
-        with self._news:
+        with self.news:
             found = self.timeline.every()
         first = self.span[0]
         return [s.to_json(self.origin) for s in found if s.ended - self.origin >= first]
@@ -378,7 +352,7 @@ class Player:
     @contextlib.contextmanager
     def marking(self) -> Iterator[Timeline]:
         """The time line, for another thread to write on alone."""
-        with self._news:
+        with self.news:
             yield self.timeline
 
     def next_touch(self, way: int) -> bool:
@@ -386,7 +360,7 @@ class Player:
 
         False where none is known that way.
         """
-        with self._news:
+        with self.news:
             begun = sorted({one.began - self.origin for one in self.timeline.every() if one.part})
         here = self.position
         there = [one for one in begun if (one > here + NEAR if way > 0 else one < here - NEAR)]
@@ -401,7 +375,7 @@ class Player:
 
     def pause(self) -> None:
         """Halt the picture. A recording halts too, a live source goes on unseen."""
-        with self._news:
+        with self.news:
             if not self.paused:
                 self.paused = True
                 self._remember_past()
@@ -409,7 +383,7 @@ class Player:
 
     def play(self) -> None:
         """Go on: a live source with its newest sample, a recording from where it stands."""
-        with self._news:
+        with self.news:
             if not (self.paused or self.ended):
                 return
             self.paused = False
@@ -417,7 +391,7 @@ class Player:
                 if self._cursor < len(self._past) - 1:
                     self._asked = self.moment.time
             elif (newest := self._history.newest) is not None:
-                self._outlet.show(newest)
+                self.show(newest)
             self._past, self._cursor = (), -1
         if self.ended and self.seekable:
             self.seek(0.0)
@@ -430,14 +404,14 @@ class Player:
     def step(self, count: int) -> bool:
         """Halt, and show `count` samples later (negative: earlier)."""
         self.pause()
-        with self._news:
+        with self.news:
             goal = self._asked
             if goal is not None and self.seekable:  # on its way: from where it goes
                 last = self.origin + self.duration
                 return self._ask(min(goal + count * self._feed.period, last))
             if 0 <= (there := self._cursor + count) < len(self._past):
                 self._cursor = there
-                self._outlet.show(self._past[there])
+                self.show(self._past[there])
                 return True
             shown, over = self.moment, self.ended and count > 0
             if shown is None or over or not self._feed.halts:
@@ -457,14 +431,14 @@ class Player:
             raise InvalidArrayError(f"seconds to go to must be a number, got {seconds}")
         if not self.seekable and not self._feed.paced:
             self.pause()
-            with self._news:
+            with self.news:
                 gaps = [abs(one.time - (self.origin + seconds)) for one in self._past]
                 if not gaps:
                     return False
                 self._cursor = gaps.index(min(gaps))
-                self._outlet.show(self._past[self._cursor])
+                self.show(self._past[self._cursor])
             return True
-        with self._news:
+        with self.news:
             inside = min(max(seconds, 0.0), self.duration)
             return self._ask(self.origin + inside)
 
@@ -518,15 +492,15 @@ class Player:
             while not self._stop.is_set():
                 self._turn()
         except Exception as error:  # noqa: BLE001 - told to whoever draws
-            with self._news:
+            with self.news:
                 self.error = error
                 self.ended = True
-                self._outlet.tell()
+                self.tell()
 
     def _turn(self) -> None:
         """One turn: requests first, then samples."""
         self._wake.clear()
-        with self._news:
+        with self.news:
             goal = None if math.isnan(self._origin) else self._asked
             single = self.paused and self._more > 0
             halted = self._halted()
@@ -543,9 +517,9 @@ class Player:
             if moment is not None:
                 self._take_in(moment)
             return
-        with self._news:
+        with self.news:
             self.ended = self._asked is None
-            self._outlet.tell()
+            self.tell()
 
     def _halted(self) -> bool:
         return self.paused and self._feed.halts and self._more == 0 and self._asked is None
@@ -554,7 +528,7 @@ class Player:
         """Go to a time of the moments' clock [s], and remember what was before it."""
         moments, named = self._feed.lead(goal - self.origin, self.before)
         self._held = None
-        with self._news:
+        with self.news:
             if self._asked == goal:  # else on to where was asked for meanwhile
                 self._asked = None
             self._history.clear()
@@ -570,7 +544,7 @@ class Player:
                 self._land(moments[-1])
 
     def _take_in(self, moment: Moment) -> None:
-        with self._news:
+        with self.news:
             if math.isnan(self._origin):
                 self._origin = moment.time
             if self._asked is not None:
@@ -590,7 +564,7 @@ class Player:
         """Show the newest moment of the history."""
         if self.paused:
             self._remember_past()
-        self._outlet.show(moment, fresh=True)
+        self.show(moment, fresh=True)
 
     def _remember_past(self) -> None:
         """Keep moments whose touches have the names of a straight play; the newest is shown."""
@@ -599,7 +573,7 @@ class Player:
 
     def remember(self, seconds: float) -> None:
         """Keep so many seconds before each shown moment from now on, for an open plot."""
-        with self._news:
+        with self.news:
             more, self.before = seconds > self.before, max(seconds, BEFORE)
             shown, oldest = self.moment, self._history.oldest
             if not more or shown is None or oldest is None or self._asked is not None:
@@ -609,7 +583,7 @@ class Player:
 
     def recall(self, first: float, last: float) -> list[Moment]:
         """Moments that are remembered from one time to another [s, in their clock]."""
-        with self._news:
+        with self.news:
             every = self._history.moments()
         return [one for one in every if first - 1e-9 <= one.time <= last + 1e-9 and not one.stale]
 

@@ -77,14 +77,14 @@ class Outlet:
             self.number += 1
             self.news.notify_all()
 
-    def take(self, *, live: bool) -> Moment | None:
+    def take(self) -> Moment | None:
         """What is to be shown, None where nothing has changed since the last call."""
         with self.news:
             if self.number == self._taken:
                 return None
             self._taken, self._drawn = self.number, self._arrived
-            if live and self.moment is not None and not self.moment.stale:
-                self.oldest = max(self.oldest, self.age)
+            if self.moment is not None and not self.moment.stale:
+                self.oldest = max(self.oldest, self.age)  # which NaN leaves as it is
             return self.moment
 
     def wait(self, number: int, timeout: float) -> bool:

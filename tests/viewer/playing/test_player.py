@@ -184,12 +184,12 @@ def test_steps_right_after_a_seek_go_on_from_there():
         until(player, lambda: player.moment is not None)
         player.seek(2.0)
         until(player, lambda: number(player.moment) == 100)
-        with player._news:
+        with player.news:
             assert player.seek(1.0)
             assert player.step(+1)
             assert player.step(+2)
         until(player, lambda: number(player.moment) == 53)
-        with player._news:
+        with player.news:
             assert player.seek(3.0)
             assert player.step(-2)
         until(player, lambda: number(player.moment) == 148)

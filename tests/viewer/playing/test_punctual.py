@@ -31,7 +31,7 @@ class Screen:
 
     def draw(self, seconds: float) -> bool:
         self.send()
-        moment, newest = self.outlet.take(live=True), self.sent
+        moment, newest = self.outlet.take(), self.sent
         marked = self.punctual.marked
         self.now += seconds
         self.send()  # the thread goes on meanwhile

@@ -131,13 +131,6 @@ class TouchMarks:
         show_cells(self.solids, mesh, tints)
 
 
-def contour_on(ground: Ground, values: FloatArray, level: float, lift: float) -> FloatArray:
-    """(k, 2, 3) where values (v,) of the fine surface cross a level, on a surface [m]."""
-    places = ground.places
-    line = outline(places.faces, ground.border, values[places.vertex], level)
-    return line.points(places.points + lift * places.normals)
-
-
 def trail_on(ground: Ground, touch: NamedTouch, lift: float) -> list[tuple[FloatArray, str]]:
     """Where the centre has been, paler the longer ago."""
     if touch.path is None or len(touch.path) < 2:
@@ -287,7 +280,9 @@ class KeptContours:
         row = next(k for k, one in enumerate(touches) if one is touch)
         if row not in self._fields:
             self._fields[row] = touch_field(layer, touch, touches)
-        return contour_on(ground, *self._fields[row], lift)
+        (values, level), places = self._fields[row], ground.places
+        line = outline(places.faces, ground.border, values[places.vertex], level)
+        return line.points(places.points + lift * places.normals)
 
 
 class Rings:

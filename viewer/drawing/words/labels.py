@@ -311,7 +311,8 @@ class LabelLayer:
                     shapes.append((half_disc(anchor, half, np.array(label.inward)), tint))
                 elif label.hidden or radius > 0.11:
                     shapes.append((disc(*label.anchor, radius * self.font_px), tint))
-            shapes.append((_rounded(_grown(box, 1.5), corner + 1.5), WHITE))
+            grown = (box[0] - 1.5, box[1] - 1.5, box[2] + 1.5, box[3] + 1.5)
+            shapes.append((_rounded(grown, corner + 1.5), WHITE))
             shapes.append((_rounded(box, corner), colour))
         self._shapes.draw(lines, shapes)
 
@@ -320,10 +321,6 @@ def half_disc(centre: FloatArray, radius: float, way: FloatArray) -> FloatArray:
     """Outline (k, 2) of the half of a disc that lies in a direction (2,) [px]."""
     angle = np.arctan2(way[1], way[0]) + np.linspace(-np.pi / 2, np.pi / 2, 12)
     return np.asarray(centre + radius * np.column_stack([np.cos(angle), np.sin(angle)]))
-
-
-def _grown(box: Box, by: float) -> Box:
-    return box[0] - by, box[1] - by, box[2] + by, box[3] + by
 
 
 def _rounded(box: Box, radius: float) -> FloatArray:
