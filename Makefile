@@ -85,6 +85,7 @@ bench-live: $(READY)  ## streams, loop, identities, memory and recordings (18 mi
 
 soak: $(READY)  ## files cut, disks full, commands stopped, recorders killed, memory: a table (ARGS=--quick, ARGS=stops)
 	$(BIN)/python -m benchmarks.reliability.soak $(ARGS)
+	$(if $(ARGS),,SUITE=whole $(BIN)/python -m pytest tests -m soak --timeout 0 -o faulthandler_timeout=0)
 
 reliability: $(READY)  ## docs/reliability.md from what `make soak` and `make fuzz` measured
 	$(BIN)/python -m benchmarks.reliability.soak fuzz

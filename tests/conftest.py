@@ -6,8 +6,9 @@ import importlib.util
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -64,6 +65,37 @@ def _json_keeps_its_schema(monkeypatch):
         schemas = sys.modules["skinmap_test_schemas"] = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(schemas)
     schemas.watch(monkeypatch)
+
+
+@pytest.fixture
+def hurried(monkeypatch) -> None:
+    """Simulators play as fast as they are followed, for tests that are not about their clock."""
+    hurry(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def hurried_module() -> Iterator[None]:
+    """The same for fixtures of a module."""
+    with pytest.MonkeyPatch.context() as patch:
+        hurry(patch)
+        yield
+
+
+def hurry(patch: pytest.MonkeyPatch) -> None:
+    from skinmap.live.sources.simulated_source import MadeSource
+
+    plain = MadeSource.__init__
+
+    def at_once(self: MadeSource, *given: Any, **how: Any) -> None:
+        plain(self, *given, **how | {"speed": float("inf")})
+
+    patch.setattr(MadeSource, "__init__", at_once)
+
+
+@pytest.fixture(scope="session")
+def whole() -> bool:
+    """Whether tests marked `soak` run whole, as in `make soak`, or in the suite's short form."""
+    return os.environ.get("SUITE") == "whole"
 
 
 @pytest.fixture(scope="session")
