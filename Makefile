@@ -21,6 +21,9 @@ READY := .venv/.ready
 export OMP_NUM_THREADS ?= 1
 export OPENBLAS_NUM_THREADS ?= 1
 
+# Commands that tests start anew by the hundred are compiled once.
+unexport PYTHONDONTWRITEBYTECODE
+
 .DEFAULT_GOAL := help
 .PHONY: help demo test fuzz audit limits schemas docs tutorials figures lint bench bench-needs bench-geometry bench-classify gallery bench-calibration bench-live soak reliability bench-viewer wheel dist lock clean
 
@@ -32,7 +35,7 @@ demo: $(READY)  ## touches named on the iCub's body, written to build/demo (or O
 
 test: $(READY)  ## the test suite (ARGS="-k flat" for a part of it)
 	@$(BIN)/python scripts/system_packages.py --browser
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 fuzz: $(READY)  ## damaged files and messages: FUZZ_EXAMPLES of each reader, then FUZZ_SECONDS by coverage
 	HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest tests --ignore tests/extremes -m fuzz --timeout 0 -o faulthandler_timeout=0 $(ARGS)
@@ -85,6 +88,7 @@ bench-live: $(READY)  ## streams, loop, identities, memory and recordings (18 mi
 
 soak: $(READY)  ## files cut, disks full, commands stopped, recorders killed, memory: a table (ARGS=--quick, ARGS=stops)
 	$(BIN)/python -m benchmarks.reliability.soak $(ARGS)
+	$(if $(ARGS),,SUITE=whole $(BIN)/python -m pytest tests -m soak --timeout 0 -o faulthandler_timeout=0)
 
 reliability: $(READY)  ## docs/reliability.md from what `make soak` and `make fuzz` measured
 	$(BIN)/python -m benchmarks.reliability.soak fuzz

@@ -55,8 +55,36 @@ class MemoryState:
         return np.vstack([mean[None], mean[None] ** 2, mean[None] ** 3, mean - lags])
 
     def steps(self, values: FloatArray) -> FloatArray:
-        """Features (t, FEATURES - 1, n) of rows (t, n) that follow."""
+        """Features (t, FEATURES - 1, n) of rows (t, n) that follow: to the bit those of `step`."""
+        means = self._means(values)
         found = np.empty((len(values), FEATURES - 1, values.shape[1]))
-        for row, now in enumerate(values):
-            found[row] = self.step(now)
+        lags, plays, slow = found[:, 3:], self._plays, self._slow
+        way = np.empty_like(slow)
+        for mean, own in zip(means, lags, strict=True):
+            np.maximum(plays, mean - self._radii, out=plays)
+            np.minimum(plays, mean + self._radii, out=plays)
+            np.subtract(mean, slow, out=way)
+            np.multiply(way, self._share, out=way)
+            np.add(slow, way, out=slow)
+            np.subtract(mean, plays, out=own[: len(RADII)])
+            np.subtract(mean, slow, out=own[len(RADII) :])
+        found[:, 0], found[:, 1], found[:, 2] = means, means**2, means**3
         return found
+
+    def _means(self, values: FloatArray) -> FloatArray:
+        """Running means (t, n), turn of the window by turn."""
+        means, row = np.empty(values.shape), 0
+        if len(self._window) == 1:  # nothing is averaged
+            means[:], row = values, len(values)
+        while row < len(values):
+            now = values[row : row + len(self._window) - self._next]
+            own, end = means[row : row + len(now)], self._next + len(now)
+            own[:] = (now - self._window[self._next : end]) / len(self._window)
+            own[0] += self._mean
+            np.add.accumulate(own, out=own)
+            self._window[self._next : end] = now
+            self._next = end % len(self._window)
+            if not self._next:  # rounding of differences does not add up
+                own[-1] = self._window.mean(axis=0)
+            self._mean, row = own[-1].copy(), row + len(now)
+        return means

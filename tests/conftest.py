@@ -6,8 +6,9 @@ import importlib.util
 import os
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -38,6 +39,25 @@ PAD_12 = [
 ]  # fmt: skip
 
 
+# Files of many seconds begin, and files of few end: no process is left with a long one alone.
+LONGEST = (
+    "test_load.py", "test_plane.py", "test_same_picture.py", "test_self_touches.py",
+    "test_readme_commands.py", "test_checkup.py", "test_demo.py", "test_your_touches.py",
+    "test_recipes.py", "test_calibration_lines.py", "test_bench_classify.py", "test_scan.py",
+    "test_load_by_prints.py", "test_history.py", "test_notebook.py",
+)  # fmt: skip
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files that take long first, then what is drawn, then the others, each in their order."""
+
+    def turn(item: pytest.Item) -> int:
+        name = item.path.name
+        return LONGEST.index(name) if name in LONGEST else 99 + ("viewer" not in item.path.parts)
+
+    items.sort(key=turn)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _own_notes(tmp_path_factory):
     """Which command made which file is noted for this run alone."""
@@ -64,6 +84,37 @@ def _json_keeps_its_schema(monkeypatch):
         schemas = sys.modules["skinmap_test_schemas"] = importlib.util.module_from_spec(spec)
         spec.loader.exec_module(schemas)
     schemas.watch(monkeypatch)
+
+
+@pytest.fixture
+def hurried(monkeypatch) -> None:
+    """Simulators play as fast as they are followed, for tests that are not about their clock."""
+    hurry(monkeypatch)
+
+
+@pytest.fixture(scope="module")
+def hurried_module() -> Iterator[None]:
+    """The same for fixtures of a module."""
+    with pytest.MonkeyPatch.context() as patch:
+        hurry(patch)
+        yield
+
+
+def hurry(patch: pytest.MonkeyPatch) -> None:
+    from skinmap.live.sources.simulated_source import MadeSource
+
+    plain = MadeSource.__init__
+
+    def at_once(self: MadeSource, *given: Any, **how: Any) -> None:
+        plain(self, *given, **how | {"speed": float("inf")})
+
+    patch.setattr(MadeSource, "__init__", at_once)
+
+
+@pytest.fixture(scope="session")
+def whole() -> bool:
+    """Whether tests marked `soak` run whole, as in `make soak`, or in the suite's short form."""
+    return os.environ.get("SUITE") == "whole"
 
 
 @pytest.fixture(scope="session")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime
+from functools import cache
 
 import msgspec
 import numpy as np
@@ -26,6 +27,7 @@ from calibration.wiring.history import (
 from calibration.wiring.touches import gains_told
 from skinmap.cli.main import cli
 from skinmap.errors import DataFormatError, OutputError, SkinMismatchError
+from skinmap.io.robots.manifest import load_robot
 from viewer.layers import Layers
 from viewer.view_options import Session
 
@@ -33,14 +35,27 @@ PART = "left_forearm"
 TIMES = [f"2026-{month:02}-03T10:00:00+00:00" for month in (9, 10, 11)]
 
 
+@cache
+def strokes():
+    """Paths of strokes all over."""
+    doctor = Doctor.of(boards_of(load_robot("icub"), PART))
+    doctor.next_place("stroke")
+    return doctor.places["stroke"].paths[::3]
+
+
+@pytest.fixture(scope="module")
+def healthy(icub):
+    """An examination that finds nothing."""
+    skin = SimulatedSkin(icub, PART, [], 3)
+    return examine_live(skin, icub, (PART,), Plan(markers=[skin]))
+
+
 def kept(boards, rng, weak=(), baseline=0.0, odd=0.0, exchanged=()):
     """A check-up with strokes all over, of a finger that wanders beside where it was asked for."""
-    doctor = Doctor.of(boards)
-    doctor.next_place("stroke")
     gains = np.exp(np.random.default_rng(1).normal(0.0, 0.25, len(boards.table)))
     gains[list(weak)] *= 0.7
     told = []
-    for path in doctor.places["stroke"].paths[::3]:
+    for path in strokes():
         track = np.array([np.interp(np.linspace(0, len(path) - 1, 30), np.arange(len(path)), own)
                           for own in path.T]).T + rng.normal(0, 2e-3, 3)  # fmt: skip
         away = np.linalg.norm(boards.table.positions - track[:, None], axis=2)
@@ -128,13 +143,12 @@ def test_a_moved_rest_keeps_its_date_and_may_come_back():
     assert named([20.0] * 6, [0.5] * 3 + [4.0] * 3) == [("noisier", 0, "04")]
 
 
-def test_checkups_of_another_robot_are_named(icub, tmp_path):
+def test_checkups_of_another_robot_are_named(healthy, tmp_path):
     folder = tmp_path / "checkups"
     folder.mkdir()
     other = KeptCheckup(FORMAT, TIMES[0][:19], "other", "healthy", [], {})
     (folder / "checkup_0.json").write_bytes(msgspec.json.encode(other))
-    skin = SimulatedSkin(icub, PART, [], 3)
-    found = examine_live(skin, icub, (PART,), Plan(markers=[skin]))
+    found = healthy
     before = earlier_checkups(folder)
     assert before[0].time == TIMES[0]  # without a zone: UTC
     result = findings(found)
@@ -144,9 +158,8 @@ def test_checkups_of_another_robot_are_named(icub, tmp_path):
     assert result.notes[-1].startswith(f"{PART} is not in 1 of the earlier check-ups")
 
 
-def test_a_recording_of_before_is_compared_with_older_checkups_alone(icub, tmp_path):
-    skin = SimulatedSkin(icub, PART, [], 3)
-    found = examine_live(skin, icub, (PART,), Plan(markers=[skin]))
+def test_a_recording_of_before_is_compared_with_older_checkups_alone(icub, healthy, tmp_path):
+    found = healthy
     kept_now = kept_part(found.cases[0])
     moved = msgspec.structs.replace(kept_now, baseline=[30.0] * len(kept_now.baseline))
     later = [KeptCheckup(FORMAT, time, icub.name, "healthy", [], {PART: moved}) for time in TIMES]

@@ -563,8 +563,6 @@ def test_plane_writes_mounts_taxels_and_a_report(saved, case, chain, tmp_path):
     mounts = json.loads((out / "mounts.json").read_text())
     np.testing.assert_allclose(mounts["mounts"][PART], result["mounts"][PART], atol=1e-6)
     assert (out / "report.html").read_text().count("data:image/png;base64,") == 1
-    again = run("plane", saved, "--part", PART)
-    assert {**again, "seconds": 0, "files": []} == {**result, "seconds": 0, "files": []}
 
 
 def test_plane_refuses_what_it_cannot_tell(case, robot, tmp_path):
@@ -575,7 +573,9 @@ def test_plane_refuses_what_it_cannot_tell(case, robot, tmp_path):
     assert result["status"] == "unobservable"
     assert result["files"] == ["refused.html"]
     assert len(result["next"]) == 3  # presses that would tell it
-    assert "mounts.json" in run(*words, "--accept")["files"]
+    again = run(*words, "--accept")
+    assert "mounts.json" in again["files"]
+    assert {**again, "seconds": 0, "files": []} == {**result, "seconds": 0, "files": []}
 
 
 def test_joints_before_the_first_that_is_told_stood_still(case, robot, chain, limits, tmp_path):

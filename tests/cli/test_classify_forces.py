@@ -96,6 +96,7 @@ def test_forces_above_the_range_are_refused(folder: Path) -> None:
     assert all(load["force_n"] is None and load["force_n_90"] is None for load in loads)
 
 
+@pytest.mark.usefixtures("hurried")
 def test_live_touches_have_forces(folder: Path) -> None:
     words = ["sim", "--robot", "icub", "--part", PART, "--seconds", "6", "--json"]
     lines = run(*words, "--calibration", f"{PART}={folder / 'load'}").splitlines()

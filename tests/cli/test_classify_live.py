@@ -121,6 +121,7 @@ def test_people_get_lines_and_a_sentence(made):
     assert re.fullmatch(r"\d+ touches in \d+ samples, 0 lost; [\d.]+ ms from .*", last)
 
 
+@pytest.mark.usefixtures("hurried")
 def test_no_line_names_a_hands_touch_that_no_hand_made():
     words = ["classify", "sim", "--gesture", "all", "--seconds", "12", "--seed", "3"]
     _, *touches, _ = CliRunner().invoke(cli, words).stdout.splitlines()

@@ -213,8 +213,9 @@ def refused(one, folder, *, part=PART, labels=()) -> str:
     return str(result.exception)
 
 
-def test_nobody_at_the_dask_address_ends_before_anything_is_simulated():
+def test_nobody_at_the_dask_address_ends_before_anything_is_simulated(monkeypatch):
     pytest.importorskip("distributed", reason="the extra dask is not installed")
+    monkeypatch.setattr("skinmap.parallel.workers.CONNECT_SECONDS", 0.5)
     with socket.socket() as free:  # bound and not listening: connections are refused
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"

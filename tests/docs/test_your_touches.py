@@ -23,7 +23,7 @@ def run(line: str, keys: str | None = None) -> str:
 
 
 @pytest.fixture(scope="module")
-def said(tmp_path_factory):
+def said(tmp_path_factory, hurried_module):
     """What each line of the page prints, in the order of the page; pictures are drawn elsewhere."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(tmp_path_factory.mktemp("own"))

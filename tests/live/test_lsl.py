@@ -128,7 +128,8 @@ def test_stream_keeps_the_contract_of_sources(name):
     publisher.close()
 
 
-def test_unknown_stream_names_those_that_exist(name):
+def test_unknown_stream_names_those_that_exist(name, monkeypatch):
+    monkeypatch.setattr("skinmap.live.network.lsl_stream.WAIT", 0.3)
     began = time.perf_counter()
     refused = pytest.raises(UnknownNameError, match=f"no LSL stream 'nothing{name}'; .*{name}")
     with open_publisher(f"lsl:{name}", INFO), refused:

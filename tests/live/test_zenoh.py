@@ -158,6 +158,7 @@ def test_topic_of_somebody_else_is_a_source(port, icub, kind):
 
 
 def test_silence_and_wrong_words_are_said(port, monkeypatch):
+    monkeypatch.setattr("skinmap.live.network.zenoh_stream.WAIT", 0.3)
     with pytest.raises(UnreachableError, match=r"nothing is published on /skin at 127\.0\.0\.1"):
         open_source(f"zenoh:{port}")
     with pytest.raises(InvalidArrayError, match="no topic of ROS 2"):

@@ -19,7 +19,8 @@ from skinmap.parallel import Workers, open_workers, run_tasks
 sys.path.append(str(Path(__file__).parent))
 from sweep_work import Held, draw_when_told, same
 
-PAUSE = 4.0  # [s]: twice as long as what a sweep waits before it looks whether anybody is there
+LOOK = 0.5  # [s]: what a sweep waits here before it looks whether anybody is there
+PAUSE = 2 * LOOK
 DEADLINE = 60.0  # [s]; only a fault takes as long
 SCHEDULER = """
 import asyncio, sys
@@ -76,6 +77,11 @@ def held(folder: Path) -> list[Held]:
     for fifo in (caught, go_on):
         os.mkfifo(fifo)
     return [Held(k, caught, go_on) if k == 3 else Held(k) for k in range(8)]
+
+
+@pytest.fixture(autouse=True)
+def _often(monkeypatch):
+    monkeypatch.setattr("skinmap.parallel.workers.LOOK_SECONDS", LOOK)
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ from click.testing import CliRunner
 
 from skinmap.cli.main import cli
 from skinmap.errors import OutputError, SkinWarning
+from skinmap.touch.simulation.simulator import simulate
 from viewer.demo import training_parts
 
 KEYS = {
@@ -93,6 +94,12 @@ def test_replay_is_a_movie_of_some_seconds(demo):
 
 
 def test_demo_without_ffmpeg_has_its_movie_as_a_gif(tmp_path, monkeypatch):
+    def few(skin, *, per_gesture, **how):
+        """Pokes alone are shown, and ten of each gesture taught."""
+        kinds = {"gestures": ["poke"]} if per_gesture == 1 else {}
+        return simulate(skin, per_gesture=min(per_gesture, 10), **kinds, **how)
+
+    monkeypatch.setattr("viewer.demo.simulate", few)
     monkeypatch.setattr("viewer.view_files.find_ffmpeg", lambda: None)
     words = ["demo", "--part", "left_foot", "--part", "right_forearm"]
     with pytest.warns(SkinWarning, match=r"replay.gif instead"):

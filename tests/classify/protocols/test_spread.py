@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from skinmap.errors import UnreachableError
-from skinmap.parallel import Workers, run_tasks, task_rng
+from skinmap.parallel import Workers, run_tasks, task_rng, workers
 from skinmap.recognition.protocols.kaspar import evaluate_kaspar
 from skinmap.report.result import plain
 
@@ -63,8 +63,10 @@ def test_the_table_has_every_row_once(by_one):
     json.dumps(plain(by_one))
 
 
-def test_nobody_at_the_address_is_said_within_seconds():
+def test_nobody_at_the_address_is_said_within_seconds(monkeypatch):
     pytest.importorskip("distributed", reason="the extra dask is not installed")
+    assert workers.CONNECT_SECONDS <= 5.0
+    monkeypatch.setattr(workers, "CONNECT_SECONDS", 0.5)
     with socket.socket() as free:  # bound and not listening: connections are refused
         free.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{free.getsockname()[1]}"
