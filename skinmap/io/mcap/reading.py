@@ -6,11 +6,11 @@ Where the messages are is known from a scan; their values are read when asked.
 from __future__ import annotations
 
 import json
-import threading
 from array import array
-from collections import Counter, OrderedDict
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import lru_cache
 from heapq import merge
 from itertools import count, repeat
 from pathlib import Path
@@ -142,8 +142,7 @@ class Content:
 
     def __init__(self, index: Index) -> None:
         self._index = index
-        self._kept: OrderedDict[int, bytes] = OrderedDict()
-        self._turn = threading.Lock()  # several players may read one recording
+        self._chunk = lru_cache(KEPT)(self._read)  # several players may read one recording
 
     def __call__(self, messages: Messages, row: int) -> bytes:
         """Bytes of one message.
@@ -159,18 +158,12 @@ class Content:
             length = HEAD_OF_RECORD.unpack_from(chunk, start - CONTENT)[1] - MESSAGE_HEAD.size
         return chunk[start : start + length]
 
-    def _chunk(self, number: int) -> bytes:
-        with self._turn:
-            if number not in self._kept:
-                try:
-                    with self._index.path.open("rb") as file:
-                        chunk = read_chunk(file, self._index.chunks[number])
-                except (OSError, *DAMAGED) as error:
-                    raise DataFormatError(f"has changed since: {error}", self._index.path) from None
-                while len(self._kept) >= KEPT:
-                    self._kept.popitem(last=False)
-                self._kept[number] = chunk
-            return self._kept[number]
+    def _read(self, number: int) -> bytes:
+        try:
+            with self._index.path.open("rb") as file:
+                return read_chunk(file, self._index.chunks[number])
+        except (OSError, *DAMAGED) as error:
+            raise DataFormatError(f"has changed since: {error}", self._index.path) from None
 
 
 class McapSamples:

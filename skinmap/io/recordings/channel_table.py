@@ -296,9 +296,8 @@ def text_rows(
             names = list(columns) or [cell.strip() for cell in next(reader)]
             yield before + 1, names
             table = ((before + reader.line_num, row) for row in reader if row)
-            begin = list(islice(table, LOOKED_AT))
-            if not thousands and delimiter != ",":
-                _refuse_thousands(begin, path)
+            begin = [] if thousands or delimiter == "," else list(islice(table, LOOKED_AT))
+            _refuse_thousands(begin, path)
             for number, (line, row) in enumerate(chain(begin, table)):
                 if len(row) != len(names):
                     raise DataFormatError(

@@ -120,16 +120,18 @@ def _of_arrays(path: Path) -> LabelledImages:
     images, labels = kept["images"], kept["labels"]
     if labels.ndim != 1 or labels.dtype.kind != "U":
         raise DataFormatError(f"labels are texts (n,), got {labels.shape} {labels.dtype}", path)
-    touches, parts = kept.get("touches", np.arange(len(labels))), kept.get("parts", labels)
+    count = len(labels)
+    touches, parts = kept.get("touches", np.arange(count)), kept.get("parts", np.full(count, ""))
     if touches.ndim != 1 or touches.dtype.kind not in "iu" or parts.dtype.kind != "U":
         raise DataFormatError("touches are whole numbers (n,), parts texts (n,)", path)
     if images.ndim != 3 or images.dtype != np.uint8:
         raise DataFormatError(
             f"images are (n, rows, columns) of 8 bits, got {images.shape} of {images.dtype}", path
         )
-    if not len(images) == len(labels) == len(touches):
+    if not len(images) == count == len(touches) == len(parts):
         raise DataFormatError(
-            f"{len(images)} images, {len(labels)} labels, {len(touches)} touches", path
+            f"{len(images)} images, {count} labels, {len(touches)} touches, {len(parts)} parts",
+            path,
         )
     for number, image in enumerate(images):
         _refuse_black(image, f"image {number}", path)

@@ -332,9 +332,7 @@ def save_recordings(
     recordings = [recordings] if isinstance(recordings, Recording) else recordings
     path = Path(path)
     name = path if suffix is None else path.with_suffix(suffix)
-    if name.suffix.lower() not in SUFFIXES:
-        raise UnknownNameError("format to write recordings in for files ending in", name.suffix,
-                               SUFFIXES)  # fmt: skip
+    check_suffix(name)
     if not recordings:
         raise InvalidArrayError("no recording to write")
     if robot is not None:
@@ -516,17 +514,14 @@ def read_recordings(path: Path, format: str | None = None) -> list[Recording]:
     mapping = find_mapping(path)
     said = format or (mapping.format if mapping is not None else None)
     suffix = path.suffix.lower()
-    if said is None and suffix == ".npz" and mapping is not None:
-        said = "arrays"
-    if said is None and suffix == ".npz" and not is_own_archive(path):
-        needed_mapping(path)
-    if said is None and suffix in SUFFIXES:
+    if said is None and (mapping is not None or not is_own_archive(path)):
+        said = "arrays" if suffix == ".npz" else FOREIGN.get(suffix)
+    if said is not None:
+        return recording_readers.get(said)(path)
+    if suffix in SUFFIXES:
         return load_recordings(path)
-    said = said or FOREIGN.get(suffix)
-    if said is None:
-        check_kind(path, "a recording", *readable())
-        raise UnknownNameError("recording format for files ending in", path.suffix, readable())
-    return recording_readers.get(said)(path)
+    check_kind(path, "a recording", *readable())
+    raise UnknownNameError("recording format for files ending in", path.suffix, readable())
 
 
 def part_logs(path: Path) -> dict[str, PartLog] | None:

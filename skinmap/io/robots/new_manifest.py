@@ -209,13 +209,11 @@ def unclear(found: Sequence[Candidate]) -> list[str]:
 
 def in_question(found: Sequence[Candidate], questions: Collection[str]) -> list[Candidate]:
     """Candidates that differ from the first only in what is open."""
+    settled = {"units", "link"} - {*questions}
     return [
         one
         for one in found
-        if all(
-            question in questions or getattr(one, question) == getattr(found[0], question)
-            for question in ("units", "link")
-        )
+        if all(getattr(one, name) == getattr(found[0], name) for name in settled)
     ]
 
 

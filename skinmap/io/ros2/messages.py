@@ -348,20 +348,15 @@ def points_of(cloud: Any) -> NDArray[Any]:
     step, row_step = int(cloud.point_step), int(cloud.row_step)
     height, width = int(cloud.height), int(cloud.width)
     data = np.asarray(cloud.data).tobytes()
-    known = [
-        (str(f.name), int(f.offset), FIELD_TYPES.get(int(f.datatype), ""), int(f.count))
+    fields = [
+        (str(f.name), int(f.offset), order + FIELD_TYPES[int(f.datatype)])
         for f in cloud.fields
+        if int(f.datatype) in FIELD_TYPES and int(f.count) == 1
     ]
-    held = [(name, at, order + kind) for name, at, kind, count in known if kind and count == 1]
+    names, offsets = [one[0] for one in fields], [one[1] for one in fields]
+    formats = [one[2] for one in fields]
     try:
-        kind = np.dtype(
-            {
-                "names": [name for name, _, _ in held],
-                "offsets": [at for _, at, _ in held],
-                "formats": [form for _, _, form in held],
-                "itemsize": step,
-            }
-        )
+        kind = np.dtype({"names": names, "offsets": offsets, "formats": formats, "itemsize": step})
         if height * width == 0:
             return np.zeros(0, kind)
         row = width * step
