@@ -113,3 +113,12 @@ def test_pictures_of_16_bits_and_with_alpha_are_read(tmp_path, rng):
     deep, masked = read_images(tmp_path).images
     np.testing.assert_array_equal(deep, pixels)
     np.testing.assert_array_equal(masked, np.where(mask > 0, pixels, 0))
+
+
+def test_arrays_without_parts_have_none_and_others_are_one_an_image(tmp_path):
+    path, images = tmp_path / "images.npz", np.full((2, 3, 4), 9, np.uint8)
+    np.savez(path, images=images, labels=["hand", "other"])
+    assert read_images(path).parts.tolist() == ["", ""]
+    np.savez(path, images=images, labels=["hand", "other"], parts=["torso"])
+    with pytest.raises(DataFormatError, match="2 images, 2 labels, 2 touches, 1 parts"):
+        read_images(path)
