@@ -86,6 +86,7 @@ bench-calibration: $(READY)  ## accuracy of calibrations (90 min), to benchmarks
 bench-live: $(READY)  ## streams, loop, identities, memory and recordings (18 min), to benchmarks/results (ARGS=--quick)
 	$(BIN)/python -m benchmarks.live.live $(ARGS)
 
+# Without ARGS also whole what the suite tests in a short form (the mark `soak`).
 soak: $(READY)  ## files cut, disks full, commands stopped, recorders killed, memory: a table (ARGS=--quick, ARGS=stops)
 	$(BIN)/python -m benchmarks.reliability.soak $(ARGS)
 	$(if $(ARGS),,SUITE=whole $(BIN)/python -m pytest tests -m soak --timeout 0 -o faulthandler_timeout=0)

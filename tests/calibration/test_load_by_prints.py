@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 
 import numpy as np
 import pytest
@@ -23,15 +24,21 @@ def skin():
     return skinmap.load_robot("icub").skin("left_forearm")
 
 
-def stamps(skin, seed, count, foam=5e-3):
-    """Counts (t, n) of flat stamps on the skin, touch of each row, areas (count,) [mm2]."""
-    rng = np.random.default_rng(seed)
+@cache
+def foam_of(skin, foam=5e-3):
+    """Points (p, 3) of the skin's surface, the area of each, and its share (n, p) at each taxel."""
     mesh = skinmap.build_surface(skin)
     dense = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     points = trimesh.sample.sample_surface_even(dense, 40_000, seed=1)[0]
     cell = dense.area / len(points)
     away = ((skin.positions[:, None] - points[None]) ** 2).sum(axis=2)
-    felt = np.exp(-away / (2 * foam**2)) * cell / (2 * np.pi * foam**2)
+    return points, cell, np.exp(-away / (2 * foam**2)) * cell / (2 * np.pi * foam**2)
+
+
+def stamps(skin, seed, count):
+    """Counts (t, n) of flat stamps on the skin, touch of each row, areas (count,) [mm2]."""
+    rng = np.random.default_rng(seed)
+    points, cell, felt = foam_of(skin)
     inner = np.flatnonzero(felt.sum(axis=1) > 0.97)
     loads, events, areas, pushes = [], [], [], []
     for k in range(count):
