@@ -21,7 +21,7 @@ from skinmap.geometry.topology import (
     twins,
 )
 from skinmap.geometry.triangles import cross_2d, cross_products, edge_lengths, unit
-from skinmap.surface.taxel_cloud import NEIGHBOURS, Cloud, delaunay_stars
+from skinmap.surface.taxel_cloud import Cloud
 
 EDGE_LIMIT = 2.5  # in local spacings: spans the gap between two modules, not between patches
 SLIVER = 0.02  # in spacings: flatter triangles are three taxels in a row
@@ -69,22 +69,11 @@ class Limits:
             self.least_altitude = least_altitude / cloud.unit
 
 
-def consensus_faces(cloud: Cloud, limits: Limits, *, neighbours: int = NEIGHBOURS) -> IntArray:
-    """Faces (m, 3) over the points of a cloud."""
-    votes = delaunay_stars(cloud, limits.max_edge, neighbours=neighbours)
+def voted_faces(cloud: Cloud, limits: Limits, votes: IntArray) -> IntArray:
+    """Faces (m, 3) over the points of a cloud from votes (t, 3), small inner loops closed."""
     faces = consensus(cloud.points, cloud.normals, votes, limits.least_altitude)
-    return close_small_holes(cloud, limits, faces)
-
-
-def close_small_holes(cloud: Cloud, limits: Limits, faces: IntArray) -> IntArray:
-    """Faces (m, 3) with the inner loops closed that are small enough."""
-    return fill_holes(
-        cloud.points,
-        cloud.normals,
-        faces,
-        limits.largest_hole,
-        least_altitude=1e-3 * limits.least_altitude,
-    )
+    least = 1e-3 * limits.least_altitude
+    return fill_holes(cloud.points, cloud.normals, faces, limits.largest_hole, least_altitude=least)
 
 
 # Closing of holes: small inner loops of a surface mesh, and any loop for a solve.

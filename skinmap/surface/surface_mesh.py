@@ -22,10 +22,10 @@ from skinmap.surface.accurate import accurate_faces
 from skinmap.surface.consensus_meshing import (
     SMALL_HOLE,
     Limits,
-    consensus_faces,
     one_fan,
+    voted_faces,
 )
-from skinmap.surface.taxel_cloud import FEW, NEIGHBOURS, Cloud
+from skinmap.surface.taxel_cloud import FEW, NEIGHBOURS, Cloud, delaunay_stars
 
 MESHING = ("consensus", "fast", "accurate")
 DEFAULT = MESHING[0]
@@ -185,14 +185,9 @@ def build_surface(
         none = np.zeros(0, np.int64)
         return SurfaceMesh(skin, none.reshape(0, 3), np.arange(len(skin)), none)
     if skin.pieces is not None:
+        lengths = {"max_edge": max_edge, "merge": merge, "least_altitude": least_altitude}
         mesh_of = partial(
-            build_surface,
-            method=method,
-            max_edge=max_edge,
-            merge=merge,
-            least_altitude=least_altitude,
-            largest_hole=largest_hole,
-            body=body,
+            build_surface, method=method, largest_hole=largest_hole, body=body, **lengths
         )
         return _by_pieces(skin, mesh_of)
     cloud = Cloud(skin.positions, skin.normals, merge)
@@ -201,7 +196,8 @@ def build_surface(
         found = accurate_faces(cloud, limits, _as_body(body, skin))
     else:
         neighbours = FEW if method == "fast" else NEIGHBOURS
-        found = consensus_faces(cloud, limits, neighbours=neighbours)
+        votes = delaunay_stars(cloud, limits.max_edge, neighbours=neighbours)
+        found = voted_faces(cloud, limits, votes)
     if len(found) == 0:
         raise InvalidMeshError(
             f"no three of {len(cloud.vertices)} taxels lie within "
