@@ -18,6 +18,7 @@ from skinmap.geometry.topology import (
     face_components,
     half_edges,
     loop_length,
+    number_by_appearance,
     twins,
 )
 from skinmap.geometry.triangles import cross_2d, cross_products, edge_lengths, unit
@@ -100,11 +101,8 @@ def fill_holes(
         return faces
     component = np.full(len(points), -1)
     component[faces.ravel()] = np.repeat(face_components(faces), 3)
-    longest: dict[int, tuple[float, int]] = {}
-    for number, loop in enumerate(loops):
-        rank = (loop_length(points, loop), number)
-        longest[component[loop[0]]] = max(longest.get(component[loop[0]], rank), rank)
-    outer = {number for _, number in longest.values()}
+    by_length = sorted(range(len(loops)), key=lambda k: (loop_length(points, loops[k]), k))
+    outer = set({int(component[loops[k][0]]): k for k in by_length}.values())  # the last stays
     patches = [faces]
     for number, loop in enumerate(loops):
         if number in outer or len(loop) > largest:
@@ -309,8 +307,6 @@ def fans(faces: IntArray) -> tuple[IntArray, IntArray]:
     corner = np.flatnonzero(ahead >= 0)
     pairs = corner, ahead[corner]
     graph = coo_array((np.ones(len(corner), np.int8), pairs), shape=(faces.size,) * 2)
-    count, label = connected_components(graph, directed=False)
-    first = np.full(count, faces.size)
-    np.minimum.at(first, label, np.arange(faces.size))
-    rank = np.argsort(np.argsort(first))
-    return rank[label], start[np.sort(first)]
+    _, label = connected_components(graph, directed=False)
+    fan = number_by_appearance(label)
+    return fan, start[np.unique(fan, return_index=True)[1]]
