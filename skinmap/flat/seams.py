@@ -13,6 +13,7 @@ from scipy.sparse.csgraph import dijkstra
 from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.errors import InvalidMeshError
 from skinmap.flat.disc import Disc
+from skinmap.geometry.proximity import symmetric_graph
 from skinmap.geometry.topology import (
     boundary_loops,
     by_edge,
@@ -241,7 +242,7 @@ def path_from_border(
     for hole in holes:  # a way from a hole would widen it
         away |= np.isin(pairs, hole).any(axis=1)
     cost = np.where(away, cost.sum(), cost)
-    graph = _graph(n, pairs, cost)
+    graph = symmetric_graph(n, pairs, cost)
     _, before = _ways_from(graph, border)
     ways = [_walk_back(end, before) for end in ends.tolist()]
     return _once(ways)
@@ -279,7 +280,7 @@ class SeamPrice:
     def graph(self, faces: IntArray) -> csr_array:
         """(n, n) costs of the edges of some faces."""
         pairs = edges(faces)
-        return _graph(len(self.vertices), pairs, self.of(pairs))
+        return symmetric_graph(len(self.vertices), pairs, self.of(pairs))
 
 
 def _opening(
@@ -314,7 +315,7 @@ def _slit(price: SeamPrice, faces: IntArray, ends: tuple[int, ...]) -> IntArray:
     pairs, n = edges(faces), len(price.vertices)
     length = price.lengths(pairs)
     cost = (np.ones(len(pairs)) + length / length.max()) * price.factors(pairs)
-    graph = _graph(n, pairs, cost)
+    graph = symmetric_graph(n, pairs, cost)
     _, before = dijkstra(graph, directed=False, indices=ends[0], return_predecessors=True)
     return _walk_back(ends[1], before)
 
@@ -343,7 +344,7 @@ def _handle_cuts(
     cost = np.zeros(len(pairs))
     cost[inside] = price.of(pairs[inside])
     cost[~inside] = cost.sum()  # no way leads across a hole
-    graph = _graph(n + len(holes), pairs, cost)
+    graph = symmetric_graph(n + len(holes), pairs, cost)
     tried = (
         [border] if border is not None else np.linspace(0, n - 1, ROOTS, dtype=np.int64)[:, None]
     )
@@ -394,11 +395,6 @@ def _spanning(n: int, sides: IntArray, weight: FloatArray) -> BoolArray:
     single = order[~repeated]
     graph = csr_array((rank[single].astype(float), (low[single], high[single])), shape=(n, n))
     return np.isin(rank, minimum_spanning_tree(graph).data.astype(np.int64))
-
-
-def _graph(n: int, pairs: IntArray, cost: FloatArray) -> csr_array:
-    graph = coo_array((cost, pairs.T), shape=(n, n)).tocsr()
-    return graph.maximum(graph.T)
 
 
 def _ways_from(graph: csr_array, roots: IntArray) -> tuple[FloatArray, IntArray]:
