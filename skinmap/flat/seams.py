@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
@@ -17,6 +17,7 @@ from skinmap.geometry.proximity import symmetric_graph
 from skinmap.geometry.topology import (
     boundary_loops,
     by_edge,
+    components,
     edges,
     euler_number,
     face_components,
@@ -199,8 +200,6 @@ def split_along(
     Corners of one vertex stay together where an uncut edge joins their faces, or where these
     pairs (j, 2) of half-edges do.
     """
-    from scipy.sparse.csgraph import connected_components
-
     order, same = by_edge(faces)
     n = int(faces.max()) + 1
     cut = np.isin(np.sort(half_edges(faces)) @ [n, 1], np.sort(cuts, axis=1) @ [n, 1])
@@ -223,8 +222,7 @@ def split_along(
     )
     same = faces.ravel()[pairs[:, 0]] == faces.ravel()[pairs[:, 1]]
     pairs = pairs[same]
-    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(faces.size,) * 2)
-    _, label = connected_components(graph, directed=False)
+    label = components(pairs[:, 0], pairs[:, 1], faces.size)
     _, corner, opened = np.unique(label, return_index=True, return_inverse=True)
     return opened.reshape(-1, 3), faces.ravel()[corner]
 
@@ -450,8 +448,6 @@ def divided_touches(faces: IntArray, origin: IntArray, touches: Sequence[IntArra
     touches : sequence of (j,) array of int
         Taxels of each touch.
     """
-    from scipy.sparse.csgraph import connected_components
-
     if len(touches) == 0:
         return 0
     taxels = [np.unique(np.asarray(touch, np.int64)) for touch in touches]
@@ -468,8 +464,7 @@ def divided_touches(faces: IntArray, origin: IntArray, touches: Sequence[IntArra
     ends = [number[pairs[:, side]] for side in (0, 1)]
     both = ends[0].astype(bool).multiply(ends[1].astype(bool))
     joined = [csr_array(end.multiply(both)).sorted_indices().data - 1 for end in ends]
-    graph = coo_array((np.ones(len(joined[0])), joined), shape=(nodes.nnz,) * 2)
-    _, piece = connected_components(graph, directed=False)
+    piece = components(joined[0], joined[1], nodes.nnz)
     vertex, touch = nodes.coords
     counts = np.bincount(origin)[origin[vertex]] == 1
     seen = np.unique(np.column_stack([touch, piece])[counts], axis=0)

@@ -6,8 +6,6 @@ From votes to a manifold: greedy insertion of the triangles that most taxels agr
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
@@ -15,6 +13,7 @@ from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.topology import (
     boundary_loops,
     by_edge,
+    components,
     face_components,
     half_edges,
     loop_length,
@@ -305,8 +304,5 @@ def fans(faces: IntArray) -> tuple[IntArray, IntArray]:
     """
     start, ahead = faces.ravel(), corners_ahead(faces)
     corner = np.flatnonzero(ahead >= 0)
-    pairs = corner, ahead[corner]
-    graph = coo_array((np.ones(len(corner), np.int8), pairs), shape=(faces.size,) * 2)
-    _, label = connected_components(graph, directed=False)
-    fan = number_by_appearance(label)
+    fan = number_by_appearance(components(corner, ahead[corner], faces.size))
     return fan, start[np.unique(fan, return_index=True)[1]]
