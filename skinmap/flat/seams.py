@@ -7,15 +7,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 
 from skinmap.arrays import BoolArray, FloatArray, Frozen, IntArray
 from skinmap.errors import InvalidMeshError
 from skinmap.flat.disc import Disc
+from skinmap.geometry.proximity import symmetric_graph
 from skinmap.geometry.topology import (
     boundary_loops,
     by_edge,
+    components,
     edges,
     euler_number,
     face_components,
@@ -198,8 +200,6 @@ def split_along(
     Corners of one vertex stay together where an uncut edge joins their faces, or where these
     pairs (j, 2) of half-edges do.
     """
-    from scipy.sparse.csgraph import connected_components
-
     order, same = by_edge(faces)
     n = int(faces.max()) + 1
     cut = np.isin(np.sort(half_edges(faces)) @ [n, 1], np.sort(cuts, axis=1) @ [n, 1])
@@ -222,8 +222,7 @@ def split_along(
     )
     same = faces.ravel()[pairs[:, 0]] == faces.ravel()[pairs[:, 1]]
     pairs = pairs[same]
-    graph = coo_array((np.ones(len(pairs)), pairs.T), shape=(faces.size,) * 2)
-    _, label = connected_components(graph, directed=False)
+    label = components(pairs[:, 0], pairs[:, 1], faces.size)
     _, corner, opened = np.unique(label, return_index=True, return_inverse=True)
     return opened.reshape(-1, 3), faces.ravel()[corner]
 
@@ -241,7 +240,7 @@ def path_from_border(
     for hole in holes:  # a way from a hole would widen it
         away |= np.isin(pairs, hole).any(axis=1)
     cost = np.where(away, cost.sum(), cost)
-    graph = _graph(n, pairs, cost)
+    graph = symmetric_graph(n, pairs, cost)
     _, before = _ways_from(graph, border)
     ways = [_walk_back(end, before) for end in ends.tolist()]
     return _once(ways)
@@ -279,7 +278,7 @@ class SeamPrice:
     def graph(self, faces: IntArray) -> csr_array:
         """(n, n) costs of the edges of some faces."""
         pairs = edges(faces)
-        return _graph(len(self.vertices), pairs, self.of(pairs))
+        return symmetric_graph(len(self.vertices), pairs, self.of(pairs))
 
 
 def _opening(
@@ -314,7 +313,7 @@ def _slit(price: SeamPrice, faces: IntArray, ends: tuple[int, ...]) -> IntArray:
     pairs, n = edges(faces), len(price.vertices)
     length = price.lengths(pairs)
     cost = (np.ones(len(pairs)) + length / length.max()) * price.factors(pairs)
-    graph = _graph(n, pairs, cost)
+    graph = symmetric_graph(n, pairs, cost)
     _, before = dijkstra(graph, directed=False, indices=ends[0], return_predecessors=True)
     return _walk_back(ends[1], before)
 
@@ -343,7 +342,7 @@ def _handle_cuts(
     cost = np.zeros(len(pairs))
     cost[inside] = price.of(pairs[inside])
     cost[~inside] = cost.sum()  # no way leads across a hole
-    graph = _graph(n + len(holes), pairs, cost)
+    graph = symmetric_graph(n + len(holes), pairs, cost)
     tried = (
         [border] if border is not None else np.linspace(0, n - 1, ROOTS, dtype=np.int64)[:, None]
     )
@@ -394,11 +393,6 @@ def _spanning(n: int, sides: IntArray, weight: FloatArray) -> BoolArray:
     single = order[~repeated]
     graph = csr_array((rank[single].astype(float), (low[single], high[single])), shape=(n, n))
     return np.isin(rank, minimum_spanning_tree(graph).data.astype(np.int64))
-
-
-def _graph(n: int, pairs: IntArray, cost: FloatArray) -> csr_array:
-    graph = coo_array((cost, pairs.T), shape=(n, n)).tocsr()
-    return graph.maximum(graph.T)
 
 
 def _ways_from(graph: csr_array, roots: IntArray) -> tuple[FloatArray, IntArray]:
@@ -454,8 +448,6 @@ def divided_touches(faces: IntArray, origin: IntArray, touches: Sequence[IntArra
     touches : sequence of (j,) array of int
         Taxels of each touch.
     """
-    from scipy.sparse.csgraph import connected_components
-
     if len(touches) == 0:
         return 0
     taxels = [np.unique(np.asarray(touch, np.int64)) for touch in touches]
@@ -472,8 +464,7 @@ def divided_touches(faces: IntArray, origin: IntArray, touches: Sequence[IntArra
     ends = [number[pairs[:, side]] for side in (0, 1)]
     both = ends[0].astype(bool).multiply(ends[1].astype(bool))
     joined = [csr_array(end.multiply(both)).sorted_indices().data - 1 for end in ends]
-    graph = coo_array((np.ones(len(joined[0])), joined), shape=(nodes.nnz,) * 2)
-    _, piece = connected_components(graph, directed=False)
+    piece = components(joined[0], joined[1], nodes.nnz)
     vertex, touch = nodes.coords
     counts = np.bincount(origin)[origin[vertex]] == 1
     seen = np.unique(np.column_stack([touch, piece])[counts], axis=0)

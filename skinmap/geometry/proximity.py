@@ -16,11 +16,15 @@ from skinmap.errors import InvalidArrayError
 from skinmap.geometry.triangles import pair_lengths
 
 
+def symmetric_graph(n: int, pairs: IntArray, weights: FloatArray) -> csr_array:
+    """(n, n) graph of weighted pairs (e, 2), each in both directions."""
+    graph = coo_array((weights, pairs.T), shape=(n, n)).tocsr()
+    return graph.maximum(graph.T)
+
+
 def edge_graph(vertices: FloatArray, edges: IntArray) -> csr_array:
     """Symmetric (n, n) graph of mesh edges, weighted by their length [m]."""
-    length = pair_lengths(vertices, edges)
-    graph = coo_array((length, (edges[:, 0], edges[:, 1])), shape=(len(vertices),) * 2).tocsr()
-    return graph.maximum(graph.T)
+    return symmetric_graph(len(vertices), edges, pair_lengths(vertices, edges))
 
 
 def bridged_graph(points: FloatArray, k: int, limit: float | FloatArray) -> csr_array:
@@ -200,10 +204,8 @@ def neighbour_graph(points: FloatArray, k: int, limit: float | FloatArray) -> cs
     row = np.repeat(np.arange(len(points)), index.shape[1])
     limit = np.broadcast_to(limit, len(points))
     keep = distance.ravel() <= np.minimum(limit[row], limit[index.ravel()])
-    graph = coo_array(
-        (distance.ravel()[keep], (row[keep], index.ravel()[keep])), shape=(len(points),) * 2
-    ).tocsr()
-    return graph.maximum(graph.T)
+    pairs = np.column_stack([row, index.ravel()])[keep]
+    return symmetric_graph(len(points), pairs, distance.ravel()[keep])
 
 
 def closest_on_mesh(

@@ -70,10 +70,14 @@ def face_components(faces: IntArray) -> IntArray:
     if len(faces) == 0:
         return np.zeros(0, np.int64)
     order, same = by_edge(faces)
-    pairs = order[1:][same] // 3, order[:-1][same] // 3
-    graph = coo_array((np.ones(len(pairs[0]), np.int8), pairs), shape=(len(faces),) * 2)
-    _, label = connected_components(graph, directed=False)
-    return number_by_appearance(label)
+    one, other = order[1:][same] // 3, order[:-1][same] // 3
+    return number_by_appearance(components(one, other, len(faces)))
+
+
+def components(one: IntArray, other: IntArray, n: int) -> IntArray:
+    """(n,) component of each of n nodes that some pairs (e,) of them join."""
+    graph = coo_array((np.ones(len(one)), (one, other)), shape=(n, n))
+    return connected_components(graph, directed=False)[1]
 
 
 def number_by_appearance(labels: IntArray) -> IntArray:

@@ -30,7 +30,7 @@ from skinmap.geometry.triangles import (
     unit,
 )
 from skinmap.imports import import_meshlab
-from skinmap.surface.consensus_meshing import Limits, close_small_holes, consensus
+from skinmap.surface.consensus_meshing import Limits, voted_faces
 from skinmap.surface.taxel_cloud import Cloud, contains, delaunay_stars
 
 LIFT = 0.3  # in spacings: taxels are dropped onto the body from there, so on their own side of it
@@ -59,9 +59,7 @@ def accurate_faces(cloud: Cloud, limits: Limits, body: TriangleMesh) -> IntArray
     near = _as_near_as_seen(cloud, reached)
     votes = delaunay_stars(cloud, limits.max_edge, neighbours=CROWD, allowed=near)
     triangles = _within(cloud, triangles, near, limits.max_edge)
-    votes = np.concatenate([*DUAL_VOTES * [triangles], votes])
-    faces = consensus(cloud.points, cloud.normals, votes, limits.least_altitude)
-    return close_small_holes(cloud, limits, faces)
+    return voted_faces(cloud, limits, np.concatenate([*DUAL_VOTES * [triangles], votes]))
 
 
 def voronoi_dual(cloud: Cloud, surface: TriangleMesh) -> tuple[IntArray, csr_array]:
@@ -285,9 +283,8 @@ def walking_graph(mesh: TriangleMesh) -> csr_array:
 
 
 def _sides(mesh: TriangleMesh) -> FloatArray:
-    start, end = half_edges(mesh.faces).T
-    length = np.linalg.norm(mesh.vertices[start] - mesh.vertices[end], axis=1)
-    return np.stack([start, end, length])
+    pairs = edges(mesh.faces)
+    return np.vstack([pairs.T, pair_lengths(mesh.vertices, pairs)])
 
 
 def _diagonals(mesh: TriangleMesh) -> FloatArray:

@@ -6,8 +6,6 @@ From votes to a manifold: greedy insertion of the triangles that most taxels agr
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray
 from skinmap.errors import InvalidArrayError
@@ -15,13 +13,15 @@ from skinmap.geometry.rigid import tangent_frames
 from skinmap.geometry.topology import (
     boundary_loops,
     by_edge,
+    components,
     face_components,
     half_edges,
     loop_length,
+    number_by_appearance,
     twins,
 )
 from skinmap.geometry.triangles import cross_2d, cross_products, edge_lengths, unit
-from skinmap.surface.taxel_cloud import NEIGHBOURS, Cloud, delaunay_stars
+from skinmap.surface.taxel_cloud import Cloud
 
 EDGE_LIMIT = 2.5  # in local spacings: spans the gap between two modules, not between patches
 SLIVER = 0.02  # in spacings: flatter triangles are three taxels in a row
@@ -69,22 +69,11 @@ class Limits:
             self.least_altitude = least_altitude / cloud.unit
 
 
-def consensus_faces(cloud: Cloud, limits: Limits, *, neighbours: int = NEIGHBOURS) -> IntArray:
-    """Faces (m, 3) over the points of a cloud."""
-    votes = delaunay_stars(cloud, limits.max_edge, neighbours=neighbours)
+def voted_faces(cloud: Cloud, limits: Limits, votes: IntArray) -> IntArray:
+    """Faces (m, 3) over the points of a cloud from votes (t, 3), small inner loops closed."""
     faces = consensus(cloud.points, cloud.normals, votes, limits.least_altitude)
-    return close_small_holes(cloud, limits, faces)
-
-
-def close_small_holes(cloud: Cloud, limits: Limits, faces: IntArray) -> IntArray:
-    """Faces (m, 3) with the inner loops closed that are small enough."""
-    return fill_holes(
-        cloud.points,
-        cloud.normals,
-        faces,
-        limits.largest_hole,
-        least_altitude=1e-3 * limits.least_altitude,
-    )
+    least = 1e-3 * limits.least_altitude
+    return fill_holes(cloud.points, cloud.normals, faces, limits.largest_hole, least_altitude=least)
 
 
 # Closing of holes: small inner loops of a surface mesh, and any loop for a solve.
@@ -111,11 +100,8 @@ def fill_holes(
         return faces
     component = np.full(len(points), -1)
     component[faces.ravel()] = np.repeat(face_components(faces), 3)
-    longest: dict[int, tuple[float, int]] = {}
-    for number, loop in enumerate(loops):
-        rank = (loop_length(points, loop), number)
-        longest[component[loop[0]]] = max(longest.get(component[loop[0]], rank), rank)
-    outer = {number for _, number in longest.values()}
+    by_length = sorted(range(len(loops)), key=lambda k: (loop_length(points, loops[k]), k))
+    outer = set({int(component[loops[k][0]]): k for k in by_length}.values())  # the last stays
     patches = [faces]
     for number, loop in enumerate(loops):
         if number in outer or len(loop) > largest:
@@ -318,10 +304,5 @@ def fans(faces: IntArray) -> tuple[IntArray, IntArray]:
     """
     start, ahead = faces.ravel(), corners_ahead(faces)
     corner = np.flatnonzero(ahead >= 0)
-    pairs = corner, ahead[corner]
-    graph = coo_array((np.ones(len(corner), np.int8), pairs), shape=(faces.size,) * 2)
-    count, label = connected_components(graph, directed=False)
-    first = np.full(count, faces.size)
-    np.minimum.at(first, label, np.arange(faces.size))
-    rank = np.argsort(np.argsort(first))
-    return rank[label], start[np.sort(first)]
+    fan = number_by_appearance(components(corner, ahead[corner], faces.size))
+    return fan, start[np.unique(fan, return_index=True)[1]]

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -22,10 +21,10 @@ from skinmap.surface.accurate import accurate_faces
 from skinmap.surface.consensus_meshing import (
     SMALL_HOLE,
     Limits,
-    consensus_faces,
     one_fan,
+    voted_faces,
 )
-from skinmap.surface.taxel_cloud import FEW, NEIGHBOURS, Cloud
+from skinmap.surface.taxel_cloud import FEW, NEIGHBOURS, Cloud, delaunay_stars
 
 MESHING = ("consensus", "fast", "accurate")
 DEFAULT = MESHING[0]
@@ -185,23 +184,17 @@ def build_surface(
         none = np.zeros(0, np.int64)
         return SurfaceMesh(skin, none.reshape(0, 3), np.arange(len(skin)), none)
     if skin.pieces is not None:
-        mesh_of = partial(
-            build_surface,
-            method=method,
-            max_edge=max_edge,
-            merge=merge,
-            least_altitude=least_altitude,
-            largest_hole=largest_hole,
-            body=body,
-        )
-        return _by_pieces(skin, mesh_of)
+        how: dict[str, Any] = {"method": method, "largest_hole": largest_hole, "body": body}
+        how |= {"max_edge": max_edge, "merge": merge, "least_altitude": least_altitude}
+        return _by_pieces(skin, how)
     cloud = Cloud(skin.positions, skin.normals, merge)
     limits = Limits(cloud, max_edge, least_altitude, largest_hole)
     if method == "accurate":
         found = accurate_faces(cloud, limits, _as_body(body, skin))
     else:
         neighbours = FEW if method == "fast" else NEIGHBOURS
-        found = consensus_faces(cloud, limits, neighbours=neighbours)
+        votes = delaunay_stars(cloud, limits.max_edge, neighbours=neighbours)
+        found = voted_faces(cloud, limits, votes)
     if len(found) == 0:
         raise InvalidMeshError(
             f"no three of {len(cloud.vertices)} taxels lie within "
@@ -211,13 +204,14 @@ def build_surface(
     return SurfaceMesh(skin, cloud.vertices[found], cloud.representative, by_size(found))
 
 
-def _by_pieces(skin: Skin, mesh_of: Callable[[Skin], SurfaceMesh]) -> SurfaceMesh:
+def _by_pieces(skin: Skin, how: Mapping[str, Any]) -> SurfaceMesh:
     """The meshes of a skin's shells as one: no triangle goes from one to another."""
     assert skin.pieces is not None
     faces, representative = [], np.arange(len(skin))
     for piece in np.unique(skin.pieces):
         rows = np.flatnonzero(skin.pieces == piece)
-        own = mesh_of(skin_from_points(skin.positions[rows], skin.normals[rows], part=skin.part))
+        alone = skin_from_points(skin.positions[rows], skin.normals[rows], part=skin.part)
+        own = build_surface(alone, **how)
         faces.append(rows[own.faces])
         representative[rows] = rows[own.representative]
     every = np.concatenate(faces)

@@ -6,14 +6,14 @@ Their Delaunay stars in tangent planes: which triangles each taxel would have ar
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, csr_array
-from scipy.sparse.csgraph import connected_components
+from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_points
 from skinmap.errors import InvalidMeshError
 from skinmap.geometry.proximity import nearest_of
 from skinmap.geometry.rigid import tangent_frames
+from skinmap.geometry.topology import components
 
 MERGE = 1e-2  # in spacings: closer taxels are one vertex
 AWAY = -0.5  # cosine between the normals of two taxels: 120 degrees
@@ -147,10 +147,7 @@ def _distinct(
         row, column = np.nonzero(distance <= limit)
         if len(row) == 0:
             return representative, vertices, near, either
-        pairs = coo_array(
-            (np.ones(len(row)), (index[row, column], column)), shape=(len(vertices),) * 2
-        )
-        _, label = connected_components(pairs, directed=False)
+        label = components(index[row, column], column, len(vertices))
         lowest = np.full(label.max() + 1, len(points))
         np.minimum.at(lowest, label, vertices)
         stand_in = np.arange(len(points))

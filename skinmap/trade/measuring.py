@@ -619,7 +619,7 @@ def scale_axes(axis: Any, points: Sequence[Point]) -> None:
 
 def _plain_ticks(axis: Any) -> None:
     """Numbers as people write them, at least three, also within a decade."""
-    from matplotlib.ticker import LogLocator, NullLocator, StrMethodFormatter
+    from matplotlib.ticker import LogLocator, MaxNLocator, NullLocator, StrMethodFormatter
 
     low, high = axis.get_view_interval()
     for subs in ((1.0,), (1.0, 3.0), (1.0, 2.0, 5.0), (1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0)):
@@ -629,8 +629,6 @@ def _plain_ticks(axis: Any) -> None:
         if len(ticks) > 3:
             break
     else:
-        from matplotlib.ticker import MaxNLocator
-
         ticks = [tick for tick in MaxNLocator(5).tick_values(low, high) if low <= tick <= high]
     axis.set_ticks(ticks)
     axis.set_minor_locator(NullLocator())

@@ -119,24 +119,21 @@ def forearm(rng: np.random.Generator, hand: float) -> list[Pad]:
     return [Pad((-half, 0.0), (half, 0.0), radius, push, "round", 30e-3)]
 
 
-def ball(rng: np.random.Generator, hand: float) -> list[Pad]:
+def ball(rng: np.random.Generator, _: float) -> list[Pad]:
     """An inflated ball: a disc of 28 to 56 mm under the even pressure of its air."""
-    del hand  # a thing of its own size
     push = rng.uniform(0.35, 0.9)
     return [Pad((0.0, 0.0), (0.0, 0.0), rng.uniform(14e-3, 28e-3), push, "flat", 20e-3)]
 
 
-def edge(rng: np.random.Generator, hand: float) -> list[Pad]:
+def edge(rng: np.random.Generator, _: float) -> list[Pad]:
     """The straight edge of a board or table: a line, 4 to 7 mm broad."""
-    del hand
     half = rng.uniform(50e-3, 120e-3) / 2.0
     push = rng.uniform(0.5, 1.3)
     return [Pad((-half, 0.0), (half, 0.0), rng.uniform(2e-3, 3.5e-3), push, "flat", 10e-3)]
 
 
-def cylinder(rng: np.random.Generator, hand: float) -> list[Pad]:
+def cylinder(rng: np.random.Generator, _: float) -> list[Pad]:
     """A bottle or a pole lying on the skin: a strip of 20 to 32 mm, evenly loaded along it."""
-    del hand
     half = rng.uniform(60e-3, 140e-3) / 2.0
     push = rng.uniform(0.4, 1.0)
     return [Pad((-half, 0.0), (half, 0.0), rng.uniform(10e-3, 16e-3), push, "round", 10e-3)]
