@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
+from scipy.spatial.transform import Rotation
 
 from skinmap.arrays import BoolArray, FloatArray, IntArray, check_finite, check_whole, freeze
 from skinmap.errors import InvalidArrayError, check_known
@@ -200,14 +201,11 @@ def _check_taxels(given: FloatArray, name: str, what: str) -> FloatArray:
 
 def joint_transform(axis: FloatArray, angle: FloatArray, *, sliding: bool) -> FloatArray:
     """(m, 4, 4) turns about a unit axis (3,) by angles (m,) [rad], or slides along it [lengths]."""
-    T = np.tile(np.eye(4), (len(angle), 1, 1))
+    T, move = np.tile(np.eye(4), (len(angle), 1, 1)), angle[:, None] * axis
     if sliding:
-        T[:, :3, 3] = angle[:, None] * axis
-        return T
-    x, y, z = axis
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    sine, rest = np.sin(angle)[:, None, None], (1.0 - np.cos(angle))[:, None, None]
-    T[:, :3, :3] += sine * K + rest * (K @ K)  # Rodrigues' formula
+        T[:, :3, 3] = move
+    else:
+        T[:, :3, :3] = Rotation.from_rotvec(move).as_matrix()
     return T
 
 

@@ -55,8 +55,6 @@ class Candidates:
 
     Attributes
     ----------
-    how : str
-        Kind of touch.
     paths : tuple of (p, 3) array
         Places [m]; of strokes their points.
     middles : (c, 3) float
@@ -70,7 +68,6 @@ class Candidates:
         Evidence that a poke brings where a site's board is laid otherwise [nats].
     """
 
-    how: str
     paths: tuple[FloatArray, ...]
     middles: FloatArray
     answers: FloatArray
@@ -91,7 +88,7 @@ def candidates(boards: Boards, how: str) -> Candidates:
     laid = np.zeros((0, 5, len(boards)))
     if poked and boards.turnable:
         laid = _telling(boards, middles)
-    return Candidates(how, tuple(paths), middles, answers, silent, arrivals, laid)
+    return Candidates(tuple(paths), middles, answers, silent, arrivals, laid)
 
 
 def _between(boards: Boards) -> FloatArray:
