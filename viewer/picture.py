@@ -12,7 +12,7 @@ import sys
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +67,7 @@ class _Given(Session):
             first = moment.time if math.isnan(first) else first
             if seconds is not None and moment.time - first > seconds:
                 return
-            yield moment
+            yield replace(moment, latency=math.nan)  # no file or cell is live
 
 
 def show(

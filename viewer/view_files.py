@@ -12,7 +12,7 @@ import subprocess
 import warnings
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import chain
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -192,10 +192,7 @@ def write_files(session: Session, look: Look, wanted: Wanted) -> ViewFiles:
     start, seconds = wanted.at or 0.0, _length(session, wanted)
     if wanted.at is None and wanted.movie is None and wanted.html is None and seconds is None:
         start, seconds = fullest(session)
-    # A file is not live: a delay to a screen says nothing there.
-    moments = best.watch(
-        replace(one, latency=math.nan) for one in session.moments(seconds, start=start)
-    )
+    moments = best.watch(session.moments(seconds, start=start))
     excerpt = Excerpt()
     if wanted.html is not None and wanted.at is None:
         moments = excerpt.watch(moments)

@@ -258,7 +258,8 @@ class Session:
                 if passed > end + SAME:
                     return
                 if passed >= start - SAME:
-                    # How quick samples were worked through says nothing of the source.
+                    # How quick samples were worked through says nothing of the source, and
+                    # a picture is not live: no delay to a screen either.
                     rate = moment.rate if live else math.nan
                     yield replace(moment, rate=rate, latency=math.nan)
         finally:

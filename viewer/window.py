@@ -354,7 +354,7 @@ def open_window(
         players = new_players(sessions, later)
         for one, player in zip(sessions, players, strict=True):
             ended.callback(player.close)
-            mine = look if one is session else look_beside(look, session, one)
+            mine = look_beside(look, session, one)
             scene = new_scene(one, mine, size=SIZE, off_screen=False)
             windows.append(Window(scene, player, view_file=view_file))
         if other is None:

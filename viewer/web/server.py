@@ -482,7 +482,7 @@ def served(
         sides, beside = [], None
         for one, player in zip(sessions, new_players(sessions, later), strict=True):
             ended.callback(player.close)
-            mine = look if one is session else look_beside(look, session, one)
+            mine = look_beside(look, session, one)
             shown: dict[str, Any] = {
                 "waits": player.paused, "layers": new_layers(one, mine), "size": mine.size,
                 "layer": mine.layer or "pressure", "style": mine.style or "surface",
