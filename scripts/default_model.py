@@ -90,7 +90,7 @@ FEWER = 4  # touches that stay are so many times too many for sets of motions an
 DEAD, EVERY = 0.2, 3  # share of dead taxels in copies, of every so many touches
 NETWORKS, HIDDEN, EPOCHS, BLUR = 4, (128, 64), 30, 0.1
 HANDS = 1.25  # counts for more than others: of held-out touches as many of both are right
-DECAY, LEAST_SCALE = 0.3, 0.03  # a weaker decay learns the training touches by heart
+DECAY, LEAST_SCALE = 0.5, 0.03  # a weaker decay learns the training touches by heart
 
 
 class Seen(NamedTuple):
