@@ -1,11 +1,13 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from skinmap.errors import InvalidArrayError, NotFittedError, UnknownNameError
 from skinmap.recognition.images import cnn as module
-from skinmap.recognition.images.cnn import ContactImageCNN, Recipe
+from skinmap.recognition.images.cnn import RECIPES, ContactImageCNN, Recipe
 
 
 @pytest.fixture
@@ -107,6 +109,21 @@ def test_one_training_passes_the_shorter_ones_on_its_way(bars):
     assert module.train_along(images, number, names, hasty, epochs=(2, 4), seed=3)[-1] is None
 
 
+def test_a_scaled_training_reads_images_as_they_come(bars):
+    pytest.importorskip("torch", reason="the extra `torch` is not installed")
+    images = (bars[0].reshape(-1, 66, 100)[:40, ::2, ::2] / 255.0).astype(np.float32)
+    number, names, spread = np.arange(40) % 2, ("lying", "standing"), images.std()
+    plain = recipe(epochs=4, learning_rate=1e-3)
+    net = module.train(images, number, names, replace(plain, scaled=True), seed=3)
+    by_hand = module.train(images / spread, number, names, plain, seed=3)
+    np.testing.assert_allclose(net.logits(images), by_hand.logits(images / spread), rtol=1e-3)
+    np.testing.assert_allclose(net.kernels[0] * spread, by_hand.kernels[0], rtol=1e-5)
+    assert RECIPES["paper"].scaled
+    # Images without any touch have no deviation.
+    dark = module.train(np.zeros_like(images), number, names, recipe(epochs=1, scaled=True), seed=3)
+    assert np.isfinite(dark.weight).all()
+
+
 def test_varied_images_are_mirrored_and_shifted_copies():
     torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
     from skinmap.recognition.images.cnn import _varied
@@ -135,12 +152,12 @@ def test_the_papers_network_has_its_size(bars):
     assert network.weight.shape == (2, 50 * 8 * 12)
 
 
-@pytest.mark.parametrize("matrix_unit", [False, True])
-def test_wide_networks_learn_in_mixed_precision_and_keep_float32_weights(
-    bars, monkeypatch, matrix_unit
-):
+@pytest.mark.parametrize("unit", [None, *module.BFLOAT16])
+def test_wide_networks_learn_in_mixed_precision_and_keep_float32_weights(bars, monkeypatch, unit):
     torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
-    monkeypatch.setattr(torch.cpu, "_is_amx_tile_supported", lambda: matrix_unit)
+    for name in module.BFLOAT16:
+        answer = bool if name != unit else lambda: True
+        monkeypatch.setattr(torch.cpu, name, answer, raising=False)
     seen = []
     build = module._build
 
@@ -154,14 +171,15 @@ def test_wide_networks_learn_in_mixed_precision_and_keep_float32_weights(
     number = np.unique(bars[1][:64], return_inverse=True)[1]
     wide = module.Recipe(32, 1, 10, 16, 3e-2, "constant", False, 0)
     net = module.train(images, number, ("a", "b"), wide, seed=1)
-    assert set(seen) == {torch.bfloat16 if matrix_unit else torch.float32}
+    assert set(seen) == {torch.bfloat16 if unit else torch.float32}
     assert net.weight.dtype == np.float32
     assert (net.logits(images).argmax(axis=1) == number).mean() >= 0.9
 
 
 def test_wide_networks_train_where_torch_knows_no_matrix_units(bars, monkeypatch):
     torch = pytest.importorskip("torch", reason="the extra `torch` is not installed")
-    monkeypatch.delattr(torch.cpu, "_is_amx_tile_supported")
+    for name in module.BFLOAT16:
+        monkeypatch.delattr(torch.cpu, name, raising=False)
     images, labels = bars
     machine = ContactImageCNN("paper", epochs=1, batch=8).fit(images[:8], labels[:8])
     assert machine.trained.weight.dtype == np.float32

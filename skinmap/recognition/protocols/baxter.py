@@ -300,7 +300,7 @@ class Settings:
 
 
 def default_settings(network: str) -> Settings:
-    """Settings as published for the paper's network, ours for the small one."""
+    """Settings of the network as it comes, untuned."""
     layout = RECIPES[network]
     return Settings(network=network, learning_rate=layout.learning_rate, epochs=layout.epochs)
 
