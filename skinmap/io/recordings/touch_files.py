@@ -332,7 +332,9 @@ def save_recordings(
     recordings = [recordings] if isinstance(recordings, Recording) else recordings
     path = Path(path)
     name = path if suffix is None else path.with_suffix(suffix)
-    check_suffix(name)
+    if name.suffix.lower() not in SUFFIXES:
+        raise UnknownNameError("format to write recordings in for files ending in", name.suffix,
+                               SUFFIXES)  # fmt: skip
     if not recordings:
         raise InvalidArrayError("no recording to write")
     if robot is not None:

@@ -23,6 +23,7 @@ from calibration.files.self_touch_files import load_part_touches, read_probes
 from calibration.files.tables import read_places
 from calibration.response import ResponseCalibration, load_response, save_response
 from skinmap import load_robot
+from skinmap.cli.evaluate.protocol_real import read_grid
 from skinmap.disk_cache import Cache
 from skinmap.errors import DataFormatError
 from skinmap.io.mcap.reading import read_track, write_repaired
@@ -453,5 +454,9 @@ TARGETS = [
     *both("images", "i.npz",
           lambda: [zipped(images=np.full((2, 3, 4), 9, np.uint8), labels=np.array(["a", "b"]))],
           read_images, ("skinmap.io.recordings.image_files.read_images",)),
+    *both("grid", "g.npz",
+          lambda: [zipped(readings=np.full((2, 3, 4), 9, np.int16), person=np.zeros(2, np.int64),
+                          prints=np.ones((2, 24, 4), np.uint8))],
+          read_grid, ("skinmap.cli.evaluate.protocol_real.read_grid",)),
     Target("samples-npy", "s.npy", lambda: [npy()], lambda p: read_arrays(p, "samples")),
 ]  # fmt: skip
