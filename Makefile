@@ -35,7 +35,7 @@ demo: $(READY)  ## touches named on the iCub's body, written to build/demo (or O
 
 test: $(READY)  ## the test suite (ARGS="-k flat" for a part of it)
 	@$(BIN)/python scripts/system_packages.py --browser
-	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile $(ARGS)
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 fuzz: $(READY)  ## damaged files and messages: FUZZ_EXAMPLES of each reader, then FUZZ_SECONDS by coverage
 	HYPOTHESIS_PROFILE=fuzz $(BIN)/python -m pytest tests --ignore tests/extremes -m fuzz --timeout 0 -o faulthandler_timeout=0 $(ARGS)

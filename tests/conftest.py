@@ -39,6 +39,25 @@ PAD_12 = [
 ]  # fmt: skip
 
 
+# Files of many seconds begin, and files of few end: no process is left with a long one alone.
+LONGEST = (
+    "test_load.py", "test_plane.py", "test_same_picture.py", "test_self_touches.py",
+    "test_readme_commands.py", "test_checkup.py", "test_demo.py", "test_your_touches.py",
+    "test_recipes.py", "test_calibration_lines.py", "test_bench_classify.py", "test_scan.py",
+    "test_load_by_prints.py", "test_history.py", "test_notebook.py",
+)  # fmt: skip
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Files that take long first, then what is drawn, then the others, each in their order."""
+
+    def turn(item: pytest.Item) -> int:
+        name = item.path.name
+        return LONGEST.index(name) if name in LONGEST else 99 + ("viewer" not in item.path.parts)
+
+    items.sort(key=turn)
+
+
 @pytest.fixture(scope="session", autouse=True)
 def _own_notes(tmp_path_factory):
     """Which command made which file is noted for this run alone."""

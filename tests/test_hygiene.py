@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tomllib
 from importlib.metadata import distribution, version
 from pathlib import Path
 
@@ -103,3 +104,22 @@ def test_misspelt_command_is_answered_with_those_that_exist():
         "no command 'inspct'; did you mean 'inspect'? The commands are: demo, new, inspect,"
         in result.output
     )
+
+
+def test_every_file_of_the_packages_is_in_the_wheel():
+    """Whatever stands beside the code and is not Python must be named in `package-data`."""
+    named = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+    patterns = [
+        f"{package.replace('.', '/')}/{pattern}"
+        for package, own in named["package-data"].items()
+        for pattern in own
+    ]
+    packed = {path for pattern in patterns for path in ROOT.glob(pattern)}
+    others = {
+        path
+        for top in ("skinmap", "calibration", "viewer")
+        for path in (ROOT / top).rglob("*")
+        if path.is_file() and path.suffix not in (".py", ".pyc", ".nbi", ".nbc")
+    }
+    assert others
+    assert not others - packed
